@@ -8,9 +8,9 @@ known by its suffix.
 
 import numpy as np
 
-from uavgram.io.logs.build import Table, build_log
-from uavgram.io.logs.topics import Messages, Row, Topic
-from uavgram.model.flight.log import FlightLog
+from uavgram.io.logs.boots import Table, build_log
+from uavgram.io.logs.messages import Messages, Row, Topic
+from uavgram.model.flight_log import FlightLog
 
 FIELDS = {
     "place": ("lat_e7", "lon_e7", "alt_cm", "above_home_cm"),

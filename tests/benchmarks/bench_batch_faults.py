@@ -30,7 +30,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.demo import write_demo
 from uavgram.synthetic.scenario import CameraSpec, Scenario
 from uavgram.synthetic.survey import simulate
 

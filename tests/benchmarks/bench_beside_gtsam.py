@@ -36,9 +36,9 @@ from scenes import NO_TIMES
 from scipy.spatial import cKDTree
 
 from uavgram.estimation.measuring.propagation import propagate
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.minima import Participants, find_best_minima
 

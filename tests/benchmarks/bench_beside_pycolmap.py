@@ -51,7 +51,7 @@ from streets.writing import Seeds, Tables, photo_names, write_street
 from study_ties import study_street, tables, true_rays
 
 from uavgram.errors import UavgramError
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs

@@ -23,7 +23,7 @@ import numpy as np
 from uavgram.estimation.calibration.adjustment import Fit, adjust
 from uavgram.estimation.calibration.problem import make_lens, pad
 from uavgram.estimation.calibration.start import estimate_first_values
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.model.board import BoardObservations, CalibrationOptions
 from uavgram.stages.calibrate.calibrate import calibrate
 
 REPEATS = 7

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 import synthetic_survey
 
-from uavgram.geometry.earth.geodesy import utm_crs
+from uavgram.geometry.geodesy import utm_crs
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import FrameResults, PickResults, PickStatus, PoseTable
 from uavgram.pipeline.measure.exports import make_writers

@@ -18,7 +18,7 @@ import numpy as np
 from large_survey import large_survey
 
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 REPEATS = 2

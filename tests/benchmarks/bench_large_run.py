@@ -24,12 +24,12 @@ from scipy.signal import lfilter
 from scipy.spatial import cKDTree
 
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.logs.tlog.writer import write_tlog
-from uavgram.io.photos.exif_insertion import insert_exif
+from uavgram.io.photos.tagging import insert_exif
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import SimulatedLog
+from uavgram.model.flight_log import SimulatedLog
 from uavgram.pipeline.measure.run import Journal, run
 
 HOME = np.array([50.0, 8.0, 200.0])

@@ -59,7 +59,7 @@ def say(line: str) -> None:
 def ours(path: str, names: tuple[str, ...]) -> int:
     """Read the columns with uavgram."""
     if path.endswith(".ulg"):
-        from uavgram.io.logs.ulog.topics import read_tables
+        from uavgram.io.logs.ulog.tables import read_tables
 
         topics = read_tables(path, names).topics.values()
         return sum(len(topic.time_s) for instances in topics for topic in instances)
@@ -70,7 +70,7 @@ def ours(path: str, names: tuple[str, ...]) -> int:
         frames = scan_frames(data)
         tables = [frames.columns(name, frames.rows(name)) for name in names]
     else:
-        from uavgram.io.logs.dataflash.binary import index_binary
+        from uavgram.io.logs.dataflash.tables import index_binary
 
         log = index_binary(path, data)
         tables = [log.columns(name) for name in names]
@@ -108,9 +108,9 @@ def child(reader: str, path: str, names: tuple[str, ...]) -> None:
     import pyulog  # noqa: F401
     from pymavlink import mavutil  # noqa: F401
 
-    import uavgram.io.logs.dataflash.binary
+    import uavgram.io.logs.dataflash.tables
     import uavgram.io.logs.tlog.frames
-    import uavgram.io.logs.ulog.topics  # noqa: F401
+    import uavgram.io.logs.ulog.tables  # noqa: F401
 
     start = time.process_time()
     messages = {"ours": ours, "peer": peers}[reader](path, names)
@@ -137,7 +137,7 @@ def repeated(source: Path, target: Path) -> None:
 
 def parted(data: bytes) -> tuple[bytes, bytes]:
     """What a ULog says once, its definitions and subscriptions; and all that may be repeated."""
-    from uavgram.io.logs.ulog.messages import ADDED, follow_sizes
+    from uavgram.io.logs.ulog.tables import ADDED, follow_sizes
 
     edges = follow_sizes(data, 16, len(data) - 2).tolist()
     messages = [data[a:b] for a, b in itertools.pairwise(edges) if b <= len(data)]

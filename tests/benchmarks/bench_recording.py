@@ -34,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from large_result import HEIGHT_PX, WIDTH_PX, large_result
 
 from uavgram.imaging.photos.preview import read_preview
-from uavgram.io.digest import photo_files
+from uavgram.io.files import photo_files
 from uavgram.pipeline.measure.outputs import write_review
 from uavgram.pipeline.parallel import prefetch
 from uavgram.views.recording import write_recording

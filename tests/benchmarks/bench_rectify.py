@@ -41,10 +41,10 @@ import numpy as np
 import rasterio
 from rasterio.warp import Resampling, reproject
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.geometry.ground.top_view import View
-from uavgram.io.digest import photo_files
 from uavgram.io.exports.geotiff import write_colour_geotiff
+from uavgram.io.files import photo_files
 from uavgram.model.maps import GroundRaster
 from uavgram.pipeline.ground_picture import warp_windows
 from uavgram.pipeline.measure.compute import compute

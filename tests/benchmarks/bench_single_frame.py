@@ -28,10 +28,10 @@ import numpy as np
 
 from uavgram.estimation.first_poses.length_poses import LengthFrames, resect_from_lengths
 from uavgram.estimation.survey.likelihood import compute_covariance_root
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.points import View, compute_ground_points
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 Work = tuple[Callable[[], object], int]
 """What is timed, and how many times in a row."""

@@ -24,9 +24,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from board_photos import Sensor, look, photograph, true_corners
 
-from uavgram.imaging.targets.detect import detect_in_photos
-from uavgram.io.photos.board_photos import read_grey
-from uavgram.model.camera.board import flat_board
+from uavgram.imaging.targets.boards import detect_in_photos
+from uavgram.io.photos.catalogue import read_grey
+from uavgram.model.board import flat_board
 
 SIZE_PX = (5472, 3648)
 LENS = [3700.0, 3700.0, 2735.5, 1823.5, -0.1, 0.03, 2e-4, -1e-4, 0.0]

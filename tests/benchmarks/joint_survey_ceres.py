@@ -22,7 +22,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 Cost = Any
 """A pyceres.CostFunction: pyceres has no types."""

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import Poses, TelemetryPrior
-from uavgram.model.survey.survey import Ground, Survey
+from uavgram.model.camera import Calibration
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import Poses, TelemetryPrior
+from uavgram.model.survey import Ground, Survey
 
 INTRINSICS = np.array([2250.0, 2251.0, 1511.5, 1117.5, -0.08, 0.03, 3e-4, -2e-4, 0.0])
 SIGMA = np.array([3.0, 3.0, 2.0, 2.0, 1.5e-3, 3e-3, 1e-4, 1e-4, 1e-3])

@@ -14,8 +14,8 @@ import poselib
 
 from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.model.arrays import Bools, Floats
-from uavgram.synthetic.study.method_scenes import MethodScenes
-from uavgram.synthetic.study.methods import Starts, make_line_rows
+from uavgram.synthetic.pose_methods import Starts, make_line_rows
+from uavgram.synthetic.single_photos import MethodScenes
 
 MOST_TRIPLES, KEPT = 20, 4
 

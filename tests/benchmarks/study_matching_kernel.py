@@ -24,8 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from street_pairs import AFTER, BEFORE, PoseError, StreetTruth
 
+from uavgram.imaging.matching.least_squares import MatchOptions, RefusalReason
 from uavgram.imaging.matching.match import match_points
-from uavgram.imaging.matching.matches import MatchOptions, RefusalReason
 from uavgram.model.arrays import Bools, Floats, Ints
 
 STREETS = ("street_nadir", "street_rolling", "street_oblique")

@@ -21,8 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from poselib_lines import p3ll_starts, pnpl_starts
 
 from uavgram.model.simulation import MethodRow
-from uavgram.synthetic.study.method_scenes import Setting, draw_scenes
-from uavgram.synthetic.study.methods import (
+from uavgram.synthetic.pose_methods import (
     LIMIT_SETTINGS,
     LINES,
     MAX_RIVAL_INCREASE,
@@ -32,6 +31,7 @@ from uavgram.synthetic.study.methods import (
     find_line_starts,
     find_minima,
 )
+from uavgram.synthetic.single_photos import Setting, draw_scenes
 
 SAME = 1e-2
 """Sums of squares closer than this are of one minimum."""

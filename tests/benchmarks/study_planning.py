@@ -34,12 +34,11 @@ from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.options import TapeOptions
 from uavgram.model.planned import FlightPattern
+from uavgram.synthetic.observations import EDGE_PX
 from uavgram.synthetic.plan.accuracy import list_ends
 from uavgram.synthetic.plan.layouts import compute_criterion, find_best_layout
-from uavgram.synthetic.plan.possible import PossibleReferences, compute_possible
 from uavgram.synthetic.plan.scene import Deviation
-from uavgram.synthetic.plan.survey import predict_values
-from uavgram.synthetic.sight import EDGE_PX
+from uavgram.synthetic.plan.survey import PossibleReferences, compute_possible, predict_values
 
 RANDOM = 100
 WRONG_M = 1.0

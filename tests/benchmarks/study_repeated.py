@@ -30,8 +30,8 @@ import cv2
 import numpy as np
 from street_pairs import Pair, PoseError, StreetTruth
 
+from uavgram.imaging.matching.least_squares import RefusalReason
 from uavgram.imaging.matching.match import REGION, match_points
-from uavgram.imaging.matching.matches import RefusalReason
 from uavgram.model.arrays import Bools, Floats
 
 PERIOD_M = {"Z": 1.0, "D": 5.0}

@@ -13,8 +13,8 @@ from picking_pages import eventually, place, to_page, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import expect
 
+from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 PLACES = {"New": (700.0, 500.0), "Other": (900.0, 640.0)}

@@ -15,7 +15,7 @@ from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
 from uavgram.model.message import Correction, Message, Remedy
-from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 

@@ -12,7 +12,7 @@ from picking_server import served
 from planned_sample import sample_plan, sample_plates
 from playwright.sync_api import expect
 
-from uavgram.io.results.plan_json import write_plan
+from uavgram.io.results.command_json import write_plan
 
 
 def test_a_planned_line_is_marked_and_its_reading_entered(

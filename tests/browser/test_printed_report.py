@@ -11,7 +11,7 @@ import synthetic_survey
 from playwright.sync_api import Browser
 
 from uavgram.model.provenance import InputDigest
-from uavgram.model.result.pictures import Picture, Pictures
+from uavgram.model.result.result import Picture, Pictures
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_report
 

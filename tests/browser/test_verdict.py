@@ -15,8 +15,8 @@ from playwright.sync_api import Locator, Page, expect
 from standings import with_status
 
 from uavgram.model.message import Correction, Message, Remedy
+from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 SWAPPED = Reason(

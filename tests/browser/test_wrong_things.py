@@ -16,7 +16,7 @@ from picking_pages import eventually, wait_until_adjusted
 from picking_server import Served, served
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.demo import write_demo
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.survey import simulate
 

@@ -12,7 +12,7 @@ from small_projects import Command, Project
 
 import uavgram
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decode import read_pixels
+from uavgram.imaging.photos.decoding import read_pixels
 from uavgram.io.photos.metadata import APP1, build_jpeg, parse_jpeg
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.inputs import read_inputs

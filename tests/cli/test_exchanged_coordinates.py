@@ -9,7 +9,7 @@ from small_projects import Project
 
 from uavgram.errors import InputError
 from uavgram.estimation.reliability.stated_values import explain_coordinates
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.survey import Geodetic, World
 from uavgram.pipeline.check import check
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import transform_known

@@ -220,7 +220,7 @@ import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 from uavgram.errors import UavgramError
-from uavgram.io.locks import LOCK, ProjectLock, is_locked
+from uavgram.io.outputs import LOCK, ProjectLock, is_locked
 lock = ProjectLock(Path("out"), "project.yaml")
 print(is_locked(Path("out") / LOCK))
 try:

@@ -12,8 +12,8 @@ import pytest
 from plate_pictures import photo_of, plate_samples, quad
 
 from uavgram.cli import main
-from uavgram.imaging.plates.families import read_cells
-from uavgram.io.locks import ProjectLock
+from uavgram.imaging.plates import read_cells
+from uavgram.io.outputs import ProjectLock
 from uavgram.io.tables.picks import read_picks
 
 CAMERA = """name: small

@@ -10,8 +10,8 @@ import yaml
 from small_projects import Command
 from tied_photos import CAMERA, flight, write_photos
 
-from uavgram.io.locks import ProjectLock
-from uavgram.io.tables.ties import read_ties
+from uavgram.io.outputs import ProjectLock
+from uavgram.io.tables.picks import read_ties
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.measure.tie_points import add_found_ties, are_missing

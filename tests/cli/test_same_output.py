@@ -13,7 +13,7 @@ from small_projects import Project
 from threadpoolctl import threadpool_limits
 
 import uavgram
-from uavgram.model.camera.board import CalibrationOptions
+from uavgram.model.board import CalibrationOptions
 from uavgram.pipeline.cameras.calibrate import calibrate
 
 ELSEWHERE = {
@@ -30,7 +30,7 @@ PROGRAM = "import os, sys, uavgram; os.umask(0o077); uavgram.run(*sys.argv[1:])"
 
 CALIBRATE = """
 import sys
-from uavgram.model.camera.board import CalibrationOptions
+from uavgram.model.board import CalibrationOptions
 from uavgram.pipeline.cameras.calibrate import calibrate
 calibrate([sys.argv[1]], *sys.argv[2:], CalibrationOptions(coefficients=5))
 """

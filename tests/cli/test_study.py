@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.cli import main
-from uavgram.synthetic.study.run import list_studies
+from uavgram.synthetic.study import list_studies
 
 
 def test_a_study_is_made_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from uavgram.config.camera import load_camera
 from uavgram.errors import InputError
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 Load = Callable[[str], Calibration]
 

@@ -9,8 +9,7 @@ import pytest
 
 from uavgram.config.camera import camera_text, load_camera
 from uavgram.errors import InputError
-from uavgram.model.camera.calibration import CameraProvenance
-from uavgram.model.camera.tags import Readout, published_readout
+from uavgram.model.camera import CameraProvenance, Readout, published_readout
 
 CAMERA = """\
 model: brown

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from uavgram.config.camera import camera_text, load_camera, load_camera_file
 from uavgram.errors import InputError
-from uavgram.model.camera.calibration import Calibration, CameraProvenance, LensModel
+from uavgram.model.camera import Calibration, CameraProvenance, LensModel
 from uavgram.model.limits import number_text
 from uavgram.model.provenance import InputDigest
 

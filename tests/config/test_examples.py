@@ -12,12 +12,12 @@ import pytest
 
 from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
-from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
+from uavgram.io.cameras import is_opencv_calibration, read_opencv_calibration
 from uavgram.io.tables.known import read_known, read_known_points, read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
+from uavgram.model.observations import MeasurementKind
 from uavgram.model.options import Project
-from uavgram.model.survey.observations import MeasurementKind
 
 
 @pytest.fixture

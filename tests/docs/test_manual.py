@@ -16,7 +16,7 @@ from manual_pages import Block, ManualPage, manual_pages
 
 from uavgram.cli.entry import app
 from uavgram.config.project import load_project
-from uavgram.io.photos.poses.pose_tables import read_pose_csv
+from uavgram.io.photos.pose_tables import read_pose_csv
 from uavgram.io.results.schema import results_schema
 from uavgram.io.tables.csv_tables import Columns
 from uavgram.io.tables.known import (
@@ -29,8 +29,7 @@ from uavgram.io.tables.known import (
     read_lines,
 )
 from uavgram.io.tables.measure import MEASURE_COLUMNS, POINT_COUNTS, read_measure
-from uavgram.io.tables.picks import PICKS_COLUMNS, read_picks
-from uavgram.io.tables.ties import TIES_COLUMNS, read_ties
+from uavgram.io.tables.picks import PICKS_COLUMNS, TIES_COLUMNS, read_picks, read_ties
 from uavgram.model.options import Project
 
 LANGUAGES = {"sh", "python", "csv", "yaml", "text"}

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.adjustment import Removal
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import CATALOGUE, SUBJECTS
-from uavgram.model.flight.log import FaultKind
+from uavgram.model.flight_log import FaultKind
 from uavgram.views.explanations import messages_page
 
 KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}

@@ -11,8 +11,8 @@ import pytest
 from board_photos import Sensor, look, photograph
 
 from uavgram.cli import main
-from uavgram.model.camera.board import flat_board
-from uavgram.synthetic.files import write_demo
+from uavgram.model.board import flat_board
+from uavgram.synthetic.demo import write_demo
 from uavgram.synthetic.scenario import CameraSpec, Scenario
 from uavgram.synthetic.survey import simulate
 

@@ -10,7 +10,7 @@ import pytest
 from flight_projects import Demo
 
 import uavgram
-from uavgram.io.digest import photo_files
+from uavgram.io.files import photo_files
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.pictures import ReportPictures
 

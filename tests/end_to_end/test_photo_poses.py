@@ -30,11 +30,11 @@ from published_scenes import (
 
 import uavgram
 from uavgram.cli import main
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.poses.sources import read_photo_poses
+from uavgram.io.photos.pose_sources import read_photo_poses
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
+from uavgram.model.frames import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions, TimeOptions
 from uavgram.model.result.result import Result

@@ -27,8 +27,7 @@ from pyproj import Transformer
 
 from uavgram.io.exports.geotiff import write_colour_geotiff
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import Estimate
+from uavgram.model.result.result import Estimate, Result
 from uavgram.model.result.tables import PoseTable
 from uavgram.pipeline.ground_picture import warp_windows
 from uavgram.pipeline.measure.compute import compute

@@ -12,7 +12,7 @@ from scenes import Scene
 from uavgram.errors import GeometryError
 from uavgram.imaging.known_point_pose import find_known_point_poses, find_poses_from_points
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 ALONE = {"lines": 0, "telemetry": False}

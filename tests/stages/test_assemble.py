@@ -12,11 +12,10 @@ from scenes import Scene
 from uavgram.errors import GeometryError
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import Telemetry
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Frames, Telemetry
+from uavgram.model.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import AreaOptions, GroundOptions
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.stages.assemble import Assembled, assemble
 
 NAN = np.nan

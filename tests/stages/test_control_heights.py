@@ -9,7 +9,7 @@ import pytest
 from scenes import Scene, make_scene
 
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.assemble import free_control_heights
 from uavgram.stages.refine import refine
 

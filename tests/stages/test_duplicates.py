@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.model.flight.frames import Photos
-from uavgram.model.survey.known import KnownThings
-from uavgram.model.survey.observations import KnownLines, Picks
+from uavgram.model.frames import Photos
+from uavgram.model.observations import KnownLines, KnownThings, Picks
 from uavgram.stages.duplicates import find_duplicates
 
 

@@ -14,11 +14,11 @@ from scenes import Scene
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message
+from uavgram.model.observations import MeasurementKind, MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.stages.measure import measure
 from uavgram.stages.refine import refine
 

@@ -8,7 +8,7 @@ import pytest
 
 from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Correction, Message, MessagePlural, Remedy
-from uavgram.model.survey.corrections import Cause
+from uavgram.model.survey import Cause
 from uavgram.stages.messages import MAX_LISTED, downgrade_explained, order_messages
 
 OUT = "{count} frames were left out"

@@ -9,10 +9,10 @@ import pytest
 from scenes import Scene
 from scipy.stats import chi2
 
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.measure import measure
 from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine

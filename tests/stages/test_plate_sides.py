@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.model.survey.observations import KnownLines, Picks
+from uavgram.model.observations import KnownLines, Picks
 from uavgram.stages.plate_sides import PLATE_TAPE, SQUARE, add_plate_sides, own_scale_sigma
 
 NO_LINES = KnownLines(

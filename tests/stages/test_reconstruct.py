@@ -16,7 +16,7 @@ from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.estimation.survey.unknowns import State, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Geodetic, Relief, World
+from uavgram.model.survey import Geodetic, Relief, World
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 

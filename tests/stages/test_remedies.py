@@ -16,8 +16,7 @@ from uavgram.model.message import (
     propose_length_removal,
     propose_pick_removal,
 )
-from uavgram.model.survey.corrections import Ends, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Ends, Survey, SurveyCorrection
 from uavgram.stages.remedies import add_remedies, make_height_remedy, make_remedy
 
 

@@ -11,7 +11,7 @@ from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.stages.judge import judge_groups
 from uavgram.stages.refine import refine

@@ -16,10 +16,10 @@ from uavgram.geometry.camera.projection import project
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.model.arrays import Floats
+from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
-from uavgram.model.survey.observations import Source
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.summarise import tie_cloud

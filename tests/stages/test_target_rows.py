@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
+from uavgram.model.observations import Picks, RejectedPlate, SeenPlate
 from uavgram.stages.target_rows import add_targets
 
 NO_PICKS = Picks(

@@ -40,11 +40,10 @@ from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.corrections import SurveyCorrection
-from uavgram.model.survey.survey import Ground, Survey
+from uavgram.model.survey import Ground, Survey, SurveyCorrection
 from uavgram.stages.refine import minima, refine
 from uavgram.stages.refine.first_values import find_first_values
 from uavgram.stages.refine.minima import Participants, find_best_minima

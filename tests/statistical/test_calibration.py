@@ -23,8 +23,8 @@ from uavgram.estimation.calibration.reliability import compute_photo_tests, esti
 from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.geometry.camera.projection import back_project, project, project_with_jacobian
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.board import BoardObservations, CalibrationOptions
+from uavgram.model.camera import Calibration
 
 Trials = tuple[Floats, Floats]
 """(T, P) estimates and (T, P, P) covariances."""

@@ -17,7 +17,7 @@ from scenes import make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions, TelemetryOptions
 from uavgram.stages.refine import refine
@@ -74,7 +74,7 @@ def gradients_of(adjustment: Adjustment, *, distances: bool) -> Floats:
     pairs = [(a, b) for a in (0, count - 1) for b in label if a != b]
     rows = []
     for pair in pairs:
-        _, gradient = shapes.distance(world[np.array(pair)])
+        _, gradient = measurements.distance(world[np.array(pair)])
         rows.append(np.einsum("pi,piu->u", gradient, by_unknowns[np.array(pair)]))
     return np.array(rows).T
 

@@ -42,11 +42,11 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.lengths import Lengths
 from uavgram.estimation.survey.observations.pixels import Pixels
 from uavgram.estimation.survey.unknowns import State, advance_state
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
 from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine
@@ -184,7 +184,7 @@ def study(
         world, covariance = adjustment.joint_points(np.arange(count))
         covariance = covariance.reshape(count, 3, count, 3)
         ends = list(MEASURED)
-        value, gradient = shapes.distance(world[ends])
+        value, gradient = measurements.distance(world[ends])
         own = covariance[np.ix_(ends, range(3), ends, range(3))]
         sigma = np.sqrt(np.einsum("pi,piqj,qj", gradient, own, gradient))
         if sigma > WEAK * value and curved(adjustment):

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.known_kinds import on_line
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.unknowns import advance_state
-from uavgram.geometry.ground.line_of_position import compute_joint_covariance
+from uavgram.geometry.ground.conditions import compute_joint_covariance
 from uavgram.model.arrays import Floats
 
 pytestmark = pytest.mark.statistical

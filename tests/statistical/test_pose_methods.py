@@ -18,10 +18,10 @@ from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
 from uavgram.imaging.known_point_pose import find_known_point_poses
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 pytestmark = pytest.mark.statistical
@@ -86,7 +86,7 @@ def outcome(scene: Scene, survey: Survey, solve: SolveOptions) -> Outcome | None
     adjustment = refined.adjustment
     label = np.array([adjustment.label_index(f"P{k}") for k in ENDS])
     world, covariance = adjustment.joint_points(label)
-    value, gradient = shapes.distance(world)
+    value, gradient = measurements.distance(world)
     true = float(np.linalg.norm(scene.world[ENDS[1]] - scene.world[ENDS[0]]))
     blocks = adjustment.minimum.blocks.values()
     degrees = sum(b.residual.size for b in blocks) - adjustment.problem.layout.size

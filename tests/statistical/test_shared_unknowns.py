@@ -8,7 +8,7 @@ from scenes import make_scene
 from scipy.stats import chi2
 
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
-from uavgram.geometry.motion import telemetry_pose
+from uavgram.geometry.motion import camera_motion as telemetry_pose
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine

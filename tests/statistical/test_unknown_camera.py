@@ -27,15 +27,14 @@ from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.camera.lens import largest_radius
-from uavgram.geometry.ground import shapes
-from uavgram.io.cameras.choice import read_drone_cameras
+from uavgram.geometry.ground import measurements
+from uavgram.io.cameras import read_drone_cameras
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.tags import CameraTags
-from uavgram.model.flight.pose import Poses
+from uavgram.model.camera import Calibration, CameraTags
+from uavgram.model.frames import Poses
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.camera import assume_camera
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
 from uavgram.stages.refine import refine
@@ -129,7 +128,7 @@ def error_of(scene: Scene, refined: Refined) -> tuple[float, bool]:
     enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= MAX_SIGMA_DIFFERENCE
     enough &= abs(terms.bias[0] / measured.sigma[0]) <= MAX_BIAS_SIGMAS
     world, _ = adjustment.joint_points(np.array(MEASURED))
-    value, _ = shapes.distance(world)
+    value, _ = measurements.distance(world)
     true = np.linalg.norm(np.subtract(*scene.world[list(MEASURED)]))
     return (value - true) / measured.sigma[0], bool(enough)
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavgram.geometry.camera.projection import back_project, project
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import Board
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.board import Board
+from uavgram.model.camera import LensModel
 
 Grey = NDArray[np.uint8]
 Light = NDArray[np.float32]

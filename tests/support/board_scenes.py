@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from uavgram.estimation.calibration.problem import State, compute_board_middle
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import BoardObservations, BoardPhoto, flat_board
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.board import BoardObservations, BoardPhoto, flat_board
+from uavgram.model.camera import LensModel
 
 BROWN5 = np.array([820.0, 815, 512, 380, -0.21, 0.09, 8e-4, -5e-4, -0.02])
 BROWN3 = np.array([820.0, 815, 512, 380, -0.21, 0.09, 0, 0, -0.02])

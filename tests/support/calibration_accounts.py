@@ -8,9 +8,8 @@ import board_scenes
 import numpy as np
 
 from uavgram.imaging.photos.preview import Preview, make_preview
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions
-from uavgram.model.camera.calibration import CameraProvenance, LensModel
-from uavgram.model.camera.calibration_result import CalibrationAccount
+from uavgram.model.board import BoardObservations, CalibrationAccount, CalibrationOptions
+from uavgram.model.camera import CameraProvenance, LensModel
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest
 from uavgram.stages.calibrate.assessment import describe_lens_effects

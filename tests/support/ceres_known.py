@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
+from uavgram.model.observations import KnownThing
 
 
 def residuals(thing: KnownThing, points: Floats, feet: Floats, *, on_ground: bool) -> Floats:

@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.flight_log import Track
+from uavgram.model.observations import KnownThing
+from uavgram.model.survey import Survey
 
 STEP = 3e-3
 """Of the differences, in sigmas of each unknown; fourth order."""

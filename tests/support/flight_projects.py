@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 import yaml
 
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
+from uavgram.model.observations import Source
 from uavgram.model.result.reliability import Noise, PickNoise
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud, TieSummary
-from uavgram.model.survey.observations import Source
 from uavgram.views.survey.outlines import is_in_photo, project_from
 
 TIES = 400

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.model.result.reliability import ChecksOverall, ErrorBudget, SecondOrder
-from uavgram.model.result.result import Alternative, Result
-from uavgram.model.result.shared import AreaPlane, Estimate
+from uavgram.model.result.result import Alternative, AreaPlane, Estimate, Result
 from uavgram.model.result.tables import MonteCarloResults
 
 SOURCES = ("lens", "picks", "friction and times", "known lengths", "flight log")

@@ -11,8 +11,8 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownThing
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.robust import Robust
 
 LOG: Mapping[str, Any] = {"frames": 4, "lines": 8, "labels": 14}

@@ -9,7 +9,7 @@ from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import SimulatedLog
+from uavgram.model.flight_log import SimulatedLog
 
 START_UTC_S = 1_767_607_200.0
 BOOT_S = 120.0  # since boot, when the flight's recording starts

@@ -14,7 +14,7 @@ from hostile_surveys import CLOCK_SIGMA_S, LENGTH_SIGMA_M, PICK_SIGMA_PX, Hostil
 from hostile_ties import MATCH_SIGMA_PX, TIE_SIGMA_PX
 
 from uavgram.io.logs.tlog.writer import write_tlog
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 
 Heights = Literal["free", "unstated", "stated"]
 HEIGHT_SIGMA_M = 0.05

@@ -32,7 +32,7 @@ from hostile_world import (
 from scipy.spatial import ConvexHull
 
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.log import SimulatedLog
+from uavgram.model.flight_log import SimulatedLog
 
 LEAST_APART_M = 2.5
 PICK_SIGMA_PX = 0.8

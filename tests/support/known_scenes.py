@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing, LinePosition
+from uavgram.model.observations import KnownThing, LinePosition
 
 SIGMA_M, SIGMA_DEG = 0.003, 0.03
 """Far below what the picks of a scene tell: then the known thing decides, and its sigma shows."""

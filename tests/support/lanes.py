@@ -9,10 +9,10 @@ import scenes
 from scenes import cv_pixels, look_down, make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownThing
+from uavgram.model.survey import Survey
 
 MEASURED = (4, 5)
 """The points whose distance is judged: on no line of the lane."""
@@ -96,7 +96,7 @@ def measured(adjustment: Adjustment) -> tuple[float, float]:
     """The distance between the two points that no known thing names, and its sigma."""
     rows = adjustment.label_rows(f"P{k}" for k in MEASURED)
     world, covariance = adjustment.joint_points(rows)
-    value, gradient = shapes.distance(world)
+    value, gradient = measurements.distance(world)
     return value, float(np.sqrt(gradient.ravel() @ covariance @ gradient.ravel()))
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
-from uavgram.model.survey.survey import Relief, Survey
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey import Relief, Sightings, Survey
 
 PATCH_PX, MATCH_PX = 0.03, 0.06
 

@@ -19,8 +19,7 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import all as dialect
 from pymavlink.generator.mavcrc import x25crc
 
-from uavgram.io.logs.dataflash.binary import BinaryTables, index_binary, index_by_loop
-from uavgram.io.logs.dataflash.formats import FMT_TYPE
+from uavgram.io.logs.dataflash.tables import FMT_TYPE, BinaryTables, index_binary, index_by_loop
 
 Rng = np.random.Generator
 Item = TypeVar("Item")

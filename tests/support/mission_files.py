@@ -8,7 +8,7 @@ import numpy as np
 from pymavlink import mavutil, mavwp
 from qgc_plan_format import PlacedItem, QgcPlan
 
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.io.exports.missions import qgc_plan_text, waypoints_text
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Mission

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from uavgram.errors import UavgramError
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.model.flight.log import Boot, BootSummary, LogSummary
+from uavgram.model.flight_log import Boot, BootSummary, LogSummary
 from uavgram.stages.log_summary import summarise_log
 
 Demand = tuple[str, ArrayLike]

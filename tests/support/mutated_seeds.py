@@ -23,7 +23,7 @@ from log_mutants import mutant, short_logs
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
-from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic, geodetic_from_enu
+from uavgram.geometry.geodesy import Origin, enu_from_geodetic, geodetic_from_enu
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.measure.inputs import Inputs, log_messages, read_inputs

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 CAMERA = np.array([2250.0, 2252.0, 2003.0, 1497.0, -0.06, 0.02, 3e-4, -2e-4, 0.0])

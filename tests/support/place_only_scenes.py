@@ -16,12 +16,11 @@ from scipy.spatial.transform import Rotation
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import Observations
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import PhotoPoses, Telemetry
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Frames, PhotoPoses, Telemetry
+from uavgram.model.observations import KnownLines, Picks
 from uavgram.model.options import GroundOptions, MountOptions, TelemetryOptions
-from uavgram.model.survey.observations import KnownLines, Picks
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.assemble import assemble
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.photo_exposures import place_photos

@@ -17,10 +17,9 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, advance_state, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions
-from uavgram.synthetic.plan.cameras import PlannedCameras
-from uavgram.synthetic.plan.scene import PlanScene
+from uavgram.synthetic.plan.flights import PlannedCameras
+from uavgram.synthetic.plan.scene import PlanScene, WantedValues
 from uavgram.synthetic.plan.survey import PlannedSurvey, make_survey
-from uavgram.synthetic.plan.wanted import WantedValues
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,18 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import GroundOptions
 from uavgram.model.planned import FlightPattern, PlanRequest
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.synthetic.plan.cameras import PlannedCameras, find_visible
-from uavgram.synthetic.plan.flights import make_flight
-from uavgram.synthetic.plan.scene import Deviation, LoggedAccuracy, PlanScene
-from uavgram.synthetic.plan.wanted import WantedValues, list_wanted
+from uavgram.synthetic.plan.flights import PlannedCameras, find_visible, make_flight
+from uavgram.synthetic.plan.scene import (
+    Deviation,
+    LoggedAccuracy,
+    PlanScene,
+    WantedValues,
+    list_wanted,
+)
 
 DISTANCES = 20
 SIGMA = np.array([12.0, 12.0, 8.0, 8.0, 6e-3, 6e-3, 4e-4, 4e-4, 2e-3])

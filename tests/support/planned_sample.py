@@ -9,7 +9,7 @@ import numpy as np
 from pyproj import Transformer
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
 from uavgram.model.planned import (
     AccuracyGrid,

@@ -15,11 +15,11 @@ import numpy as np
 import yaml
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.target_families import corner_label, plate_of
+from uavgram.model.naming import corner_label, plate_of
+from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
+from uavgram.synthetic.demo import write_demo
 from uavgram.synthetic.errors import ErrorSpec
-from uavgram.synthetic.files import write_demo
 from uavgram.synthetic.scenario import FlightPlan, Scenario
 from uavgram.synthetic.survey import simulate
 from uavgram.synthetic.truth import project_rolling_shutter

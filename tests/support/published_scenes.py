@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from pyproj import Transformer
 
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 

@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
-from uavgram.model.survey.survey import Ground, Survey
+from uavgram.model.camera import Calibration
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import PhotoExposures, TelemetryPrior
+from uavgram.model.survey import Ground, Survey
 
 LABELS = 9
 MEASURED = (7, 8)

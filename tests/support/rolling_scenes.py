@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.estimation.survey.rolling import add_readout
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
+from uavgram.model.flight_log import Track
 
 NOMINAL = np.zeros(12)
 NOMINAL[3:6] = LEVER_ARM

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest, Provenance
-from uavgram.model.result.reliability import ErrorBudget, Noise, PickNoise
-from uavgram.model.result.result import Alternative, GroupFactor, Result, SolutionSummary
-from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
+from uavgram.model.result.reliability import ErrorBudget, Noise, PickNoise, Reason, Verdict
+from uavgram.model.result.result import (
+    Alternative,
+    AreaPlane,
+    Estimate,
+    GroupFactor,
+    Result,
+    SharedResult,
+    SolutionSummary,
+)
 from uavgram.model.result.tables import (
     FrameResults,
     LineChecks,
@@ -22,8 +29,7 @@ from uavgram.model.result.tables import (
     PoseTable,
     TieSummary,
 )
-from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.survey import Geodetic, World
 
 
 def _poses(rng: np.random.Generator, absent: list[int]) -> PoseTable:

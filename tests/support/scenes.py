@@ -12,11 +12,10 @@ from scipy.spatial.transform import Rotation
 from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import Poses, TelemetryPrior
-from uavgram.model.survey.survey import Ground, Survey
+from uavgram.model.camera import Calibration
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import Frames, Poses, TelemetryPrior
+from uavgram.model.survey import Ground, Survey
 
 INTRINSICS = np.array([1500.0, 1505.0, 1010.0, 740.0, -0.08, 0.03, 3e-4, -2e-4, 0.005])
 INTRINSIC_SIGMA = np.array([12.0, 15.0, 8.0, 10.0, 6e-3, 6e-3, 4e-4, 6e-4, 2e-3])

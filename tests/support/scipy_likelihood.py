@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
-from uavgram.model.survey.survey import Survey
+from uavgram.model.flight_log import Track
+from uavgram.model.survey import Survey
 
 
 class Oracle:

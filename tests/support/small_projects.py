@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import yaml
 
-from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.demo import write_demo
 from uavgram.synthetic.scenario import CameraSpec, Scenario
 from uavgram.synthetic.survey import simulate
 

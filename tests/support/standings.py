@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from uavgram.model.result.reliability import MeasurementStatus
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import MeasurementStatus
 
 
 def with_status(result: Result, *status: MeasurementStatus) -> Result:

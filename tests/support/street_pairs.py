@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.geometry.camera.projection import back_project, project
 from uavgram.geometry.motion.rotation import exp_so3, log_so3
-from uavgram.imaging.matching.matches import SoughtPoints
+from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats
 

@@ -17,11 +17,20 @@ from pyproj.enums import TransformDirection
 
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
+from uavgram.model.observations import MeasurementKind
 from uavgram.model.provenance import InputDigest, Provenance
-from uavgram.model.result.result import Alternative, GroupFactor, Result, SolutionSummary
-from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
+from uavgram.model.result.reliability import Reason, Verdict
+from uavgram.model.result.result import (
+    Alternative,
+    AreaPlane,
+    Estimate,
+    GroupFactor,
+    Result,
+    SharedResult,
+    SolutionSummary,
+)
 from uavgram.model.result.tables import (
     FrameResults,
     FrameStatus,
@@ -36,9 +45,7 @@ from uavgram.model.result.tables import (
     PointResults,
     PoseTable,
 )
-from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.observations import MeasurementKind
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.survey import Geodetic, World
 
 WIDTH_PX, HEIGHT_PX = 1640, 1232
 LENS = np.array([1310.0, 1312.0, 818.0, 617.0, -0.11, 0.05, 4e-4, -3e-4, -0.01])

@@ -9,16 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uavgram.io.photos.metadata import (
-    APP1,
-    EXIF_HEAD,
-    XMP_HEAD,
-    Segment,
-    build_jpeg,
-    parse_jpeg,
-)
+from uavgram.io.photos.metadata import APP1, EXIF_HEAD, XMP_HEAD, Segment, build_jpeg, parse_jpeg
 from uavgram.io.photos.tagging import ExifGps, set_gps
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 DJI = "http://www.dji.com/drone-dji/1.0/"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scenes import Scene
 
-from uavgram.model.survey.observations import Along
+from uavgram.model.observations import Along
 
 
 def read_on_tapes(

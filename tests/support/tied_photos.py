@@ -13,9 +13,9 @@ import numpy as np
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.imaging.raster import Image, make_texture
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.pose import Poses
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Poses
+from uavgram.model.survey import TiePicks
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 640, 480, 620.0
 GROUND_PX, PER_M = 2400, 20.0

@@ -9,11 +9,10 @@ from tied_flights import FOCAL_PX, HALF_PX, TiedFlight
 
 from uavgram.estimation.survey.observed import Observations
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
+from uavgram.model.observations import KnownLines, Picks
 from uavgram.model.options import GroundOptions
-from uavgram.model.survey.observations import KnownLines, Picks
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import Survey, TiePicks
 from uavgram.stages.assemble import assemble
 
 LENS = np.array([FOCAL_PX, FOCAL_PX, HALF_PX[0], HALF_PX[1], 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 from uavgram.geometry.ground.top_view import View
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration, LensModel
+from uavgram.model.camera import Calibration, LensModel
 from uavgram.model.maps import GroundRaster
-from uavgram.model.result.shared import AreaPlane, Estimate
+from uavgram.model.result.result import AreaPlane, Estimate
 from uavgram.model.result.tables import FrameResults, FrameStatus, PoseTable
 
 REFINED: FrameStatus = "refined"

@@ -9,7 +9,7 @@ from hostile_surveys import HostileSurvey
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Bools
-from uavgram.model.survey.corrections import SurveyCorrection
+from uavgram.model.survey import SurveyCorrection
 
 AS_READ_M = 0.05
 """By which a mended length may differ from what was read."""

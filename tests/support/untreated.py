@@ -10,10 +10,10 @@ from unittest.mock import patch
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure import compute as computing
 from uavgram.pipeline.measure import pose as posing
 from uavgram.stages.refine.minima import Participants, find_best_minima

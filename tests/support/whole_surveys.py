@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
 

@@ -11,7 +11,7 @@ import synthetic_survey as survey
 
 from uavgram.estimation.measuring.propagation import UNITS
 from uavgram.io.tables.measure import POINT_COUNTS
-from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.observations import MeasurementKind
 from uavgram.views.formatting import (
     KIND_WORDS,
     UNIT_WORDS,

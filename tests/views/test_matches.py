@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 from uavgram.stages.match import Matches, Record
 from uavgram.views.terminal import match_lines
 

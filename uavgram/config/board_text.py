@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from uavgram.errors import InputError, near_miss
-from uavgram.imaging.targets.charuco import dictionary_names, dictionary_size
-from uavgram.model.camera.board import Board, flat_board
+from uavgram.imaging.targets.boards import dictionary_names, dictionary_size
+from uavgram.model.board import Board, flat_board
 
 OPTION = "--board"
 NOTATION = (

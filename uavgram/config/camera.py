@@ -14,16 +14,17 @@ from uavgram.config.strict_yaml import Document, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import InputError
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import (
+from uavgram.model.camera import (
     PARAMETER_NAMES,
+    TABLE_SIGMA_S,
     Calibration,
     CameraProvenance,
     LensModel,
+    Readout,
     correlation_of,
     parameter_counts,
     parameter_names,
 )
-from uavgram.model.camera.tags import TABLE_SIGMA_S, Readout
 from uavgram.model.limits import LARGEST_SIGMA, number_text
 
 LONGEST_READOUT_MS = 1000.0

@@ -11,11 +11,10 @@ from pathlib import Path
 from uavgram.config.strict_yaml import Document, KeyPath, Plain, format_key_path, read_yaml
 from uavgram.config.validation import Fault, format_value, validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
-from uavgram.geometry.earth.geodesy import normalise_crs
+from uavgram.geometry.geodesy import normalise_crs
 from uavgram.input_files import binary_kind
-from uavgram.model.naming import SHORT_FORMS
+from uavgram.model.naming import BOARD_PLATE, SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
-from uavgram.model.target_families import BOARD_PLATE
 
 _INPUT_FILES = (
     "log",

@@ -11,10 +11,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import CandidatePoses
-from uavgram.model.survey.survey import Survey
+from uavgram.model.frames import CandidatePoses
+from uavgram.model.survey import Survey
 
 MIN_POINTS = 4
 PLANE_RATIO = 0.1

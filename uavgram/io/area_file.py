@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_bytes
-from uavgram.io.json_text import parse_json
+from uavgram.io.json_codec import parse_json
 from uavgram.model.arrays import Floats
 
 FORMATS = "a GeoJSON file (.geojson, .json) or a KML file (.kml)"

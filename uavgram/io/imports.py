@@ -27,20 +27,20 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_text
-from uavgram.io.json_text import parse_json
-from uavgram.io.photos.files import PHOTO_SUFFIXES
+from uavgram.io.files import PHOTO_SUFFIXES
+from uavgram.io.json_codec import parse_json
 from uavgram.io.photos.metadata import (
     exif_numbers,
     read_exif_tags,
     read_first_site,
     read_image_size,
 )
+from uavgram.io.photos.pose_tables import convert_to_geodetic, parse_crs, read_content_lines
 from uavgram.io.tables.csv_tables import number_hint, parse_number
-from uavgram.io.tables.odm_coordinates import convert_to_geodetic, parse_crs, read_content_lines
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import find_unshowable, sigma_fault
 from uavgram.model.message import Message
-from uavgram.model.survey.observations import ImportedPicks, KnownPoints
+from uavgram.model.observations import ImportedPicks, KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2

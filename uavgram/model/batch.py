@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.result.reliability import VerdictLevel
 
 SurveyStatus = Literal["done", "unchanged", "failed", "waiting"]
 """State of one survey in the batch.

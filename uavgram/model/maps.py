@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.model.arrays import Floats, FrozenArrays, freeze
-from uavgram.model.flight.log import HeightDatum
+from uavgram.model.flight_log import HeightDatum
 
 ShapeKind = Literal["point", "line", "polygon"]
 Attribute = tuple[str, ...] | tuple[float, ...]

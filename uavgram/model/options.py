@@ -13,12 +13,11 @@ from types import MappingProxyType
 from typing import Literal
 
 from uavgram.errors import near_miss
-from uavgram.model.flight.log import HeightDatum
+from uavgram.model.flight_log import HeightDatum
 from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
-from uavgram.model.naming import Units
+from uavgram.model.naming import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M, Units
 from uavgram.model.provenance import Case
-from uavgram.model.survey.survey import DEFAULT_AREA
-from uavgram.model.target_families import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M
+from uavgram.model.survey import DEFAULT_AREA
 
 Auto = Literal["auto"]
 

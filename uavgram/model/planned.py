@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.limits import require
 from uavgram.model.message import Message
-from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.observations import MeasurementKind
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.camera import Calibration
+from uavgram.model.result.reliability import VerdictLevel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from uavgram.errors import GeometryError
 from uavgram.io.exports.photogrammetry import write_geo_txt, write_pix4d_csv
+from uavgram.io.files import check_folder_of_project, check_no_originals
 from uavgram.io.outputs import staged_output
-from uavgram.io.own_files import check_folder_of_project, check_no_originals
 from uavgram.io.photos.tagging import write_tagged_photo
-from uavgram.model.flight.pose import GeoTags, PoseChoice
+from uavgram.model.frames import GeoTags, PoseChoice
 from uavgram.model.message import Message
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.exports import make_geotags

@@ -8,11 +8,10 @@ import numpy as np
 
 from uavgram.geometry.ground.top_view import View
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.top_view.photo_cache import PhotoCache, create_photo_cache
-from uavgram.imaging.top_view.warp import warp_window
-from uavgram.imaging.top_view.warp_maps import Window
-from uavgram.io.digest import photo_files
+from uavgram.imaging.top_view.brightness import PhotoCache, create_photo_cache
+from uavgram.imaging.top_view.warp import Window, warp_window
 from uavgram.io.exports.geotiff import WINDOW_PX
+from uavgram.io.files import photo_files
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps import GroundRaster
 from uavgram.pipeline.parallel import prefetch

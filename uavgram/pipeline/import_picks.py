@@ -15,7 +15,7 @@ from uavgram.io.outputs import replace_bytes
 from uavgram.io.tables.updates import create_control, create_picks
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
-from uavgram.model.survey.observations import ImportedPicks, KnownPoints
+from uavgram.model.observations import ImportedPicks, KnownPoints
 from uavgram.stages.messages import order_messages
 
 

@@ -18,15 +18,20 @@ from typing import Literal
 from uavgram.config.project_text import ProjectText, project_text
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.input_files import describe_files
-from uavgram.io.discovery import FolderContents, PhotoGroup, TableRole, group_photos, search_folder
+from uavgram.io.files import find_matching_files
+from uavgram.io.folders import FolderContents, PhotoGroup, TableRole, group_photos, search_folder
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import PASSED_OVER, name_format, read_photos
-from uavgram.io.photos.files import find_matching_files
 from uavgram.io.photos.metadata import read_image_size
-from uavgram.io.photos.poses.sources import FROM_PHOTOS
-from uavgram.io.tables.rewrite import create_table
-from uavgram.io.tables.updates import CONTROL_HEADER, LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
-from uavgram.model.flight.frames import Photos
+from uavgram.io.photos.pose_sources import FROM_PHOTOS
+from uavgram.io.tables.updates import (
+    CONTROL_HEADER,
+    LINES_HEADER,
+    MEASURE_HEADER,
+    PICKS_HEADER,
+    create_table,
+)
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
 from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera

@@ -9,11 +9,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from uavgram.errors import InputError, OutputError
-from uavgram.io.locks import ProjectLock
-from uavgram.io.outputs import replace_bytes
+from uavgram.io.outputs import ProjectLock, replace_bytes
 from uavgram.io.tables.updates import update_picks
+from uavgram.model.observations import Picks
 from uavgram.model.options import Project
-from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.measure.inputs import Inputs
 
 

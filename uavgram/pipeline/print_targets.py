@@ -11,7 +11,7 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, near_miss
-from uavgram.imaging.plates.families import (
+from uavgram.imaging.plates import (
     MARGIN_CELLS,
     board_outlines,
     count_plates,
@@ -19,7 +19,7 @@ from uavgram.imaging.plates.families import (
     read_cells,
 )
 from uavgram.io.outputs import replace_bytes
-from uavgram.model.target_families import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M, plate_label
+from uavgram.model.naming import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M, plate_label
 from uavgram.views.targets_sheet import PAPERS_MM, Sheet, pages_of, room_mm, sheets_pdf
 
 _MM = 1000.0

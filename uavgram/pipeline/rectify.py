@@ -12,17 +12,16 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.sightings import compute_motion
 from uavgram.geometry.ground.top_view import FrameCovariance, View, compute_place_sigma
-from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.tone import Tone, apply_tone, choose_tone
-from uavgram.imaging.top_view.ground_picture import draw_map_sheet
+from uavgram.imaging.photos.preview import Pixels, Tone, apply_tone, choose_tone
+from uavgram.imaging.top_view.mosaic import draw_map_sheet
 from uavgram.io.exports.geotiff import (
     WINDOW_PX,
     read_reduced,
     write_colour_geotiff,
     write_float_geotiff,
 )
+from uavgram.io.files import check_folder_of_project
 from uavgram.io.outputs import staged_output
-from uavgram.io.own_files import check_folder_of_project
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 from uavgram.model.message import Message

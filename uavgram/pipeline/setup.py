@@ -18,13 +18,13 @@ from uavgram.config.project import load_project
 from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
 from uavgram.input_files import describe_files
-from uavgram.io.discovery import FolderContents, PhotoGroup, search_folder
+from uavgram.io.folders import FolderContents, PhotoGroup, search_folder
 from uavgram.io.imports import GcpSigmas
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.poses.sources import FROM_PHOTOS, read_photo_poses
-from uavgram.model.flight.frames import Photos
+from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_photo_poses
+from uavgram.model.frames import Photos
 from uavgram.model.naming import METRIC, SHORT_FORMS, Units
 from uavgram.model.options import Auto, Project, TimeOptions
 from uavgram.model.provenance import Case

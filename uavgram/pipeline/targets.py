@@ -17,15 +17,15 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, UavgramError
-from uavgram.imaging.plates.detection import sight_board_plate, sight_plates
+from uavgram.imaging.plates import sight_board_plate, sight_plates
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.uncoded import Kind, UncodedTarget, measure_uncoded_target
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
+from uavgram.model.naming import plate_of
+from uavgram.model.observations import Picks, RejectedPlate, SeenPlate
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
-from uavgram.model.target_families import plate_of
 from uavgram.pipeline.match.adjustment import adjust_manual_picks
 from uavgram.pipeline.match.patch_search import Photos, load_grey_photos
 from uavgram.pipeline.match.search import search_all_photos

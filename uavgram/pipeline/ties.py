@@ -8,14 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.imaging.ties.features import WORKING_PX, Features, read_features
-from uavgram.imaging.ties.matching import Guide, compute_photo_similarity, match_features
-from uavgram.imaging.ties.verification import MIN_MATCHES, verify_matches
+from uavgram.geometry.camera.projection import back_project
+from uavgram.imaging.ties import (
+    MIN_MATCHES,
+    WORKING_PX,
+    Features,
+    Guide,
+    compute_photo_similarity,
+    match_features,
+    read_features,
+    verify_matches,
+)
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.pose import Poses
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Poses
+from uavgram.model.survey import TiePicks
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.tie.overlap import LEAST_SHARE, Seen, overlap, pairs_of, predict

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from uavgram.config.project import load_project, project_file
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.ties import EMPTY_TIES, count_made, update_ties
+from uavgram.io.tables.picks import EMPTY_TIES, count_made, update_ties
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FILE, Project
-from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.model.survey import NO_TIES, TiePicks
 from uavgram.pipeline.measure.inputs import check_ties, read_inputs, ties_path
 from uavgram.pipeline.measure.tie_points import find_project_ties, pose_before_ties
 from uavgram.pipeline.picks_table import lock_tables

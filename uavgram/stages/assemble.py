@@ -13,16 +13,20 @@ from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.rolling import add_readout
-from uavgram.geometry.motion.telemetry_pose import LEVER_ARM, SHARED_SIZE
+from uavgram.geometry.motion.camera_motion import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import Poses, Telemetry, TelemetryPrior
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import Frames, Poses, Telemetry, TelemetryPrior
 from uavgram.model.message import Message, MessagePlural
+from uavgram.model.observations import (
+    KnownThing,
+    KnownThings,
+    KnownWorldPoints,
+    Picks,
+    do_lines_fix_plan,
+)
 from uavgram.model.options import GroundOptions
-from uavgram.model.survey.known import KnownThing, KnownThings, do_lines_fix_plan
-from uavgram.model.survey.observations import KnownWorldPoints, Picks
-from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
+from uavgram.model.survey import DEFAULT_AREA, Ground, Survey
 from uavgram.stages.tie_chains import find_matches, find_ties
 
 SIGNIFICANCE = 1e-4

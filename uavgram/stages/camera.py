@@ -16,7 +16,7 @@ from uavgram.errors import InputError
 from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.camera.properties import equivalent_focal_px, focal_plane_px, is_strip
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import (
+from uavgram.model.camera import (
     CROPPED_CENTRE_SIGMA,
     CROPPED_FOCAL_SIGMA,
     DRONE_TABLE,
@@ -27,12 +27,13 @@ from uavgram.model.camera.calibration import (
     UNKNOWN_RADIAL_SIGMAS,
     AssumedErrors,
     Calibration,
+    CameraTags,
+    DroneCamera,
     assumed_covariance,
 )
-from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
-from uavgram.model.result.shared import MAX_SIGMA_RATIO, CameraUpdate
+from uavgram.model.result.result import MAX_SIGMA_RATIO, CameraUpdate
 
 REMEDY = (
     "calibrate the camera (uavgram calibrate) and name its camera.yaml, or write a camera.yaml by "

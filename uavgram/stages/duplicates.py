@@ -17,11 +17,10 @@ import numpy as np
 
 from uavgram.errors import alike
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.naming import listed, photo_name
-from uavgram.model.survey.known import NO_KNOWN, KnownThings
-from uavgram.model.survey.observations import KnownLines, Picks
+from uavgram.model.observations import NO_KNOWN, KnownLines, KnownThings, Picks
 
 _MAX_NAMED = 10
 _LEADING_ZEROS = re.compile(r"(?<!\d)(?<!\d[.,])0+(?=\d)")  # those of 1.05 are none

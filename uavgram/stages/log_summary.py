@@ -8,10 +8,10 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.geometry.earth.gps_time import utc_text
+from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.geometry.gps_time import utc_text
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     Boot,
     BootClock,
     BootSummary,
@@ -22,7 +22,7 @@ from uavgram.model.flight.log import (
     PositionSamples,
 )
 from uavgram.model.message import Message
-from uavgram.model.survey.survey import Geodetic
+from uavgram.model.survey import Geodetic
 
 _LONG_PAUSE_S = 1.0
 _HOME_MOVED_M = 0.5

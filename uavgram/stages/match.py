@@ -20,7 +20,7 @@ from scipy.special import chdtri
 
 from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 
 Pair = tuple[str, str]
 """Photo and label."""

@@ -14,14 +14,14 @@ from uavgram.estimation.measuring.scale import MAX_RELATIVE_SIGMA, compute_scale
 from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.ground_below import find_ground_below
-from uavgram.geometry.ground.heights import profile
+from uavgram.geometry.ground.measurements import profile
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.tables import COLUMNS, MeasurementResults, ProfileResults
-from uavgram.model.survey.observations import MeasurementRequest
 
 
 def measure(

@@ -10,7 +10,7 @@ from typing import Any
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import NUMBERS, SUBJECTS, Message, MessagePlural, Remedy
 from uavgram.model.message import merge_remedies as mended_together
-from uavgram.model.survey.corrections import Cause
+from uavgram.model.survey import Cause
 
 MAX_LISTED = 5
 """Number of things that a sentence lists; the message names all of them as data."""

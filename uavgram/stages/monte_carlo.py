@@ -17,11 +17,11 @@ from uavgram.estimation.measuring.propagation import compute_values, propagate
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import refit
 from uavgram.model.arrays import Bools
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.tables import MeasurementResults, MonteCarloResults
-from uavgram.model.survey.observations import MeasurementRequest
 
 REPORTED_DIFFERENCE = 0.05
 """Relative difference between sampled and first-order sigma, or of an end of the interval as a

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import KnownLines, Picks
-from uavgram.model.target_families import corner_label, plate_of
+from uavgram.model.naming import corner_label, plate_of
+from uavgram.model.observations import KnownLines, Picks
 
 PLATE_TAPE = "targets"
 """Name of the tape of all plates, as one printer made them: they share its scale."""

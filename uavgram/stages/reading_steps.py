@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
-from uavgram.model.survey.observations import KnownLines
+from uavgram.model.observations import KnownLines
 
 FINE_M = 0.01
 """Step of an ordinary reading of a tape [m]."""

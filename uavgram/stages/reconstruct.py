@@ -9,11 +9,11 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.departures import compute_departures, compute_heights
 from uavgram.estimation.survey.neighbours import find_neighbours
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
-from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
+from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.geometry.ground.figures import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
 from uavgram.model.result.tables import HeightSource, PlanarUncertainty, PointResults
-from uavgram.model.survey.survey import Survey, World
+from uavgram.model.survey import Survey, World
 
 
 def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = ()) -> PointResults:

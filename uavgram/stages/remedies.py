@@ -18,8 +18,7 @@ from uavgram.model.message import (
     propose_pick_removal,
 )
 from uavgram.model.naming import listed, listed_photos
-from uavgram.model.survey.corrections import SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey, SurveyCorrection
 
 
 def add_remedies(

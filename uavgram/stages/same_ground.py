@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 STEP_PX = 8.0
 """Pixel step for the scale between two photos."""

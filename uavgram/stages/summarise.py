@@ -11,12 +11,18 @@ from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
-from uavgram.geometry.motion.telemetry_pose import correct_time
+from uavgram.geometry.motion.camera_motion import correct_time
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import PhotoExposures, Poses
-from uavgram.model.result.result import Alternative, GroupFactor, SolutionSummary
-from uavgram.model.result.shared import AreaPlane, Estimate, OrientationCorrelation, SharedResult
+from uavgram.model.frames import Frames, PhotoExposures, Poses
+from uavgram.model.result.result import (
+    Alternative,
+    AreaPlane,
+    Estimate,
+    GroupFactor,
+    OrientationCorrelation,
+    SharedResult,
+    SolutionSummary,
+)
 from uavgram.model.result.tables import FrameResults, FrameStatus, PoseTable, TieCloud, TieSummary
 
 PLANE_NAMES = ("plane height", "slope east", "slope north")

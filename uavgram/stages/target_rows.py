@@ -9,8 +9,8 @@ import numpy as np
 
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
-from uavgram.model.target_families import PLATE_CORNERS, corner_label, plate_label
+from uavgram.model.naming import PLATE_CORNERS, corner_label, plate_label
+from uavgram.model.observations import Picks, RejectedPlate, SeenPlate
 
 _CENTER_TOO = 2.0**0.5
 """Factor of the sigmas of a plate where its centre is picked beside its corners: the centre adds no

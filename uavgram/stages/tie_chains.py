@@ -9,8 +9,8 @@ import numpy as np
 from uavgram.estimation.survey.observations.tied import PATCH_SIGMA_PX
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.survey.observations import Picks
-from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings, TiePicks
+from uavgram.model.observations import Picks
+from uavgram.model.survey import NO_SIGHTINGS, Sightings, TiePicks
 
 SAME_PICK_PX = 0.01
 """Largest distance between a pick and the place from which a match was found."""

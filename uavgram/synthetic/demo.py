@@ -1,23 +1,252 @@
-"""Built-in survey: simulated, rendered and written to a folder; either run, or left unpicked."""
+"""Built-in survey: simulated, rendered, written as files of a real one; run, or left unpicked."""
 
 from __future__ import annotations
 
+import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from uavgram.errors import InputError, OutputError
-from uavgram.model.camera.calibration import Calibration
+from uavgram.io.files import remove_link
+from uavgram.io.json_codec import Record, encode, records
+from uavgram.io.logs.tlog.writer import write_tlog
+from uavgram.io.photos.tagging import insert_exif
+from uavgram.io.tables.csv_tables import csv_text
+from uavgram.io.tables.updates import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER, update_measure
+from uavgram.model.arrays import Floats
+from uavgram.model.camera import Calibration
+from uavgram.model.limits import number_text
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.synthetic.accident_scene import SAMPLE_MARK, TAPE_FILE, is_sample
-from uavgram.synthetic.files import write_demo, write_unpicked
-from uavgram.synthetic.picture.render import render_photos
+from uavgram.synthetic.rendering import render_photos
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.survey import SimulatedSurvey, simulate
+from uavgram.synthetic.survey import SimulatedSurvey, format_project, simulate
+
+JPEG_QUALITY = 92
+MAKE = "uavgram"
+_SHARED = (
+    *("intrinsics", "boresight_rad", "lever_arm_m", "position_bias_m", "heading_bias_rad"),
+    "clock_offset_s",
+)
+
+
+def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]) -> Path:
+    """Write a simulated survey: photos, log, camera, picks, lengths, checks, project and truth.
+
+    Parameters
+    ----------
+    folder
+        Output folder; made if absent. Files of the same names are overwritten.
+    survey
+        Survey to write.
+    photos
+        (H, W, 3) BGR, one for each frame, in order; may be generated on demand.
+
+    Returns
+    -------
+    Path of the project file, which is written last.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written, or its photos/ holds photos of another survey.
+    """
+    try:
+        _write_flight(folder, survey, photos)
+        _write_observations(folder, survey)
+        _write_requests(folder, survey)
+        truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
+        remove_link(folder / "truth.json").write_text(truth, encoding="utf-8")
+        project = remove_link(folder / "project.yaml")
+        project.write_text(format_project(survey), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written: {error.strerror}; name another") from error
+    return project
+
+
+def write_unpicked(
+    folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]], about: str
+) -> Path:
+    """Write the files of a flight: photos, log, camera and project, with empty tables.
+
+    Parameters
+    ----------
+    folder, survey, photos
+        As of `write_demo`.
+    about
+        First line of the project file, a comment.
+
+    Returns
+    -------
+    Path of the project file, which is written last.
+
+    Raises
+    ------
+    OutputError
+        The folder's photos/ holds photos of another survey.
+    OSError
+        It cannot be written.
+    """
+    _write_flight(folder, survey, photos)
+    for name, header in (
+        ("picks.csv", PICKS_HEADER),
+        ("lines.csv", LINES_HEADER),
+        ("measure.csv", MEASURE_HEADER),
+    ):
+        _write_csv(folder / name, header, ())
+    project = remove_link(folder / "project.yaml")
+    lines = format_project(survey).splitlines()
+    kept = [line.partition("; the one")[0] for line in lines if not line.startswith("check:")]
+    project.write_text("\n".join([about, *kept[1:], ""]), encoding="utf-8")
+    return project
+
+
+def truth_as_json(survey: SimulatedSurvey) -> Record:
+    """Return the truth in metres, radians, seconds and pixels; world origin = the log's home."""
+    truth, site = survey.truth, survey.scenario.site
+    lost = np.flatnonzero(~survey.event_has_photo)
+    lines = survey.lines
+    frames = records(
+        time_utc_s=truth.time_utc_s,
+        center_world_m=truth.center_world_m,
+        world_from_camera=truth.world_from_camera,
+    )
+    return {
+        "seed": survey.scenario.seed,
+        "world": {
+            key: getattr(site, key) for key in ("latitude_deg", "longitude_deg", "height_msl_m")
+        },
+        "ground": {
+            "height_m": truth.surface.height_m,
+            "slope": encode(truth.surface.slope),
+            "pivot_m": encode(truth.surface.middle_m),
+        },
+        **{key: encode(getattr(truth, key)) for key in _SHARED},
+        "boot_to_utc_s": survey.log.boot_utc_s,
+        "lost_exposures_utc_s": encode(survey.log.boot_utc_s + survey.log.event_time_s[lost]),
+        "frames": dict(zip(truth.frame_id, frames, strict=True)),
+        "points": dict(zip(truth.label, encode(truth.point_world_m), strict=True)),
+        "lines": records(
+            name=lines.name, **{"from": lines.start}, to=lines.end, length_m=truth.line_length_m
+        ),
+        "measurements": records(
+            name=truth.measurement_name,
+            value=truth.measurement_value,
+            unit=truth.measurement_unit,
+        ),
+    }
+
+
+def _write_flight(
+    folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]
+) -> None:
+    """Write photos, log and camera."""
+    _make_photo_folder(folder / "photos", survey.frame_id)
+    _write_photos(folder / "photos", survey, photos)
+    write_tlog(remove_link(folder / "flight.tlog"), survey.log)
+    remove_link(folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
+
+
+def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
+    remove_link(folder).mkdir(parents=True, exist_ok=True)
+    strangers = sorted({p.name for p in folder.glob("*.jpg")} - set(frame_id))
+    if strangers:
+        raise OutputError(
+            f"{folder}: holds photos of another survey ({strangers[0]}...), which the project "
+            "would take for its own; name an empty folder"
+        )
+
+
+def _write_photos(
+    folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]
+) -> None:
+    times = survey.file_time_utc_s.tolist()
+    zone_h, camera = survey.scenario.errors.camera_zone_h, survey.calibration.name
+    for name, time, photo in zip(survey.frame_id, times, photos, strict=True):
+        done, jpeg = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        if not done:
+            raise ValueError(f"{name}: an image of shape {photo.shape} cannot be encoded")
+        tagged = insert_exif(
+            jpeg.tobytes(), time_utc_s=time, zone_h=zone_h, make=MAKE, model=camera
+        )
+        remove_link(folder / name).write_bytes(tagged)
+
+
+def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
+    """Write picks.csv and lines.csv."""
+    picks, lines = survey.picks, survey.lines
+    columns = [picks.image, picks.label, *_texts(picks.pixel_px, 3)]
+    columns += _texts(picks.sigma_px[:, None], 2)
+    header = PICKS_HEADER[: len(columns)]
+    heights = [
+        "free" if free else "" if np.isnan(height) else f"{height:.4f}"
+        for free, height in zip(picks.is_free.tolist(), picks.height_m.tolist(), strict=True)
+    ]
+    if any(heights):
+        header, columns = PICKS_HEADER, [*columns, heights]
+    if "target" in picks.source:  # corners of plates are found by the program
+        found = ["target" if source == "target" else "" for source in picks.source]
+        header, columns = (*header, "source"), [*columns, found]
+    _write_csv(folder / "picks.csv", header, zip(*columns, strict=True))
+    _write_csv(
+        folder / "lines.csv",
+        ("name", "from", "to", "length_m", "sigma_m", "use"),
+        zip(
+            lines.name,
+            lines.start,
+            lines.end,
+            *_texts(np.column_stack([lines.length_m, lines.sigma_m]), 4),
+            ("adjust" if adjust else "check" for adjust in lines.adjust.tolist()),
+            strict=True,
+        ),
+    )
+
+
+def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
+    """Write measure.csv, and check.csv (and control.csv) with known coordinates."""
+    for name, points in (("check.csv", survey.checks), ("control.csv", survey.control)):
+        if len(points.label) or name == "check.csv":
+            columns = _texts(np.column_stack([points.coordinates, points.sigma_m[:, 0]]), 4)
+            header = ("label", "east_m", "north_m", "up_m", "sigma_m")
+            _write_csv(folder / name, header, zip(points.label, *columns, strict=True))
+    requests = update_measure(None, (), survey.measurements)
+    remove_link(folder / "measure.csv").write_bytes(requests or b"")
+
+
+def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    remove_link(path).write_text(csv_text(header, rows), encoding="utf-8", newline="")
+
+
+def _texts(columns: Floats, digits: int) -> list[list[str]]:
+    """Format the columns of (N, K) numbers as text."""
+    return [[f"{value:.{digits}f}" for value in column] for column in columns.T.tolist()]
+
+
+def _camera_yaml(survey: SimulatedSurvey) -> str:
+    camera = survey.calibration
+    rows = [", ".join(number_text(v) for v in row) for row in camera.covariance.tolist()]
+    return "\n".join(
+        [
+            f"name: {camera.name}",
+            f"model: {camera.model}",
+            f"width_px: {camera.width_px}",
+            f"height_px: {camera.height_px}",
+            "# fx fy cx cy k1 k2 p1 p2 k3; the true camera is drawn from this covariance",
+            f"parameters: [{', '.join(number_text(v) for v in camera.parameters.tolist())}]",
+            "covariance:",
+            *(f"  - [{row}]" for row in rows),
+            "",
+        ]
+    )
 
 
 @with_one_blas_thread

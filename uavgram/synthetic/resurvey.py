@@ -18,21 +18,17 @@ from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
 from uavgram.estimation.survey.observed import SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.survey.observations import (
-    KnownLines,
-    KnownPoints,
-    KnownWorldPoints,
-)
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownLines, KnownPoints, KnownWorldPoints
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import collect_observations, compute
 from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides
 from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
 from uavgram.pipeline.threads import one_blas_thread
-from uavgram.synthetic.inputs import DrawnSurvey
-from uavgram.synthetic.observe import MeanGenerator
+from uavgram.synthetic.observations import MeanGenerator
 from uavgram.synthetic.scenario import RepeatedSurvey
 from uavgram.synthetic.scenario_file import load_repeated
+from uavgram.synthetic.survey import DrawnSurvey
 
 KINDS_WITHOUT_MOTION = frozenset({"skid_speed", "speed"})
 """Kinds of measurements with mostly other uncertainties than the survey's: not repeated."""

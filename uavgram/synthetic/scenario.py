@@ -15,9 +15,9 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import require, require_sizes
+from uavgram.model.naming import LARGEST_PLATE_M, PLATE_CORNERS, corner_label
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.planned import PlanRequest
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.target_families import LARGEST_PLATE_M, PLATE_CORNERS, corner_label
 from uavgram.synthetic.accident_scene import (
     DEMO_LINES,
     DEMO_POINTS,

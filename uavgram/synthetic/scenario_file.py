@@ -9,17 +9,15 @@ from typing import Any
 from uavgram.config.strict_yaml import Document, Plain, format_key_path, read_yaml, yaml_text
 from uavgram.config.validation import validate
 from uavgram.errors import InputError, near_miss
-from uavgram.io.cameras.choice import read_drone_cameras
+from uavgram.io.cameras import read_drone_cameras
 from uavgram.io.tables.measure import PARAMETERS, points_fault
-from uavgram.model.camera.calibration import ORDINARY_EQUIVALENTS_MM, Calibration
-from uavgram.model.camera.tags import CameraTags, DroneCamera
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.camera import ORDINARY_EQUIVALENTS_MM, Calibration, CameraTags, DroneCamera
+from uavgram.model.observations import MeasurementRequest
 from uavgram.pipeline.cameras.read import assume_drone_camera, read_camera
 from uavgram.stages.camera import assume_camera, find_camera
 from uavgram.synthetic.errors import LOST_EXPOSURE_INDEX, USUAL_SECTIONS
-from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario
-from uavgram.synthetic.survey import find_senseless, simulate
+from uavgram.synthetic.survey import ScenarioWorld, find_senseless, simulate
 
 MAX_ITEMS = 2000
 """Limit of the items of all lists of a scenario together."""

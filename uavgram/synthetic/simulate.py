@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,11 +13,12 @@ import numpy as np
 
 from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.repeated.accuracy import compute_accuracy, compute_running_ratio
+from uavgram.io.json_codec import Record, encode
 from uavgram.io.outputs import staged_output
-from uavgram.io.results.simulation_json import write_simulation
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.simulation import (
+    Accuracy,
     Repetition,
     Repetitions,
     SigmaMismatch,
@@ -27,9 +30,90 @@ from uavgram.pipeline.parallel import run_in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.errors import FixedErrors
-from uavgram.synthetic.inputs import DrawnSurvey, ScenarioWorld, World
 from uavgram.synthetic.scenario import GroundSpec, Scenario
+from uavgram.synthetic.survey import DrawnSurvey, ScenarioWorld, World
 from uavgram.views.simulation import render_simulation_page
+
+SIMULATION_SCHEMA = 1
+SHARES = ("68", "95", "99.7")
+
+
+def write_simulation(simulation: Simulation, path: Path) -> None:
+    """Write simulation.json.
+
+    Parameters
+    ----------
+    simulation
+        Simulation to write.
+    path
+        Output file.
+    """
+    path.write_text(json.dumps(simulation_as_json(simulation), indent=1) + "\n", encoding="utf-8")
+
+
+def simulation_as_json(simulation: Simulation) -> Record:
+    """Convert to plain data: metres and degrees; ranges are of 95 %; None for missing values."""
+    found = simulation.repetitions
+    return {
+        "schema": SIMULATION_SCHEMA,
+        "name": simulation.name,
+        "source": simulation.source,
+        "seed": simulation.seed,
+        **_summary(found, simulation.accuracy),
+        "running": [
+            {"repetitions": count, "spread_over_predicted": encode(ratio)}
+            for count, ratio in simulation.running
+        ],
+        "drawn_unlike_stated": [encode(one) for one in simulation.unlike],
+        "amiss": list(simulation.deviations),
+        "variants": [
+            {"name": one.name, **_summary(one.repetitions, one.accuracy)}
+            for one in simulation.variants
+        ],
+        "draws": {
+            "names": list(found.name),
+            "number": encode(found.number),
+            "true": encode(found.true),
+            "value": encode(found.value),
+            "sigma": encode(found.sigma),
+            "converged": encode(found.converged),
+            "level": list(found.level),
+            "failure": list(found.failure),
+            "codes": encode(found.codes),
+        },
+    }
+
+
+def _summary(found: Repetitions, accuracy: Accuracy) -> Record:
+    verdicts = Counter(level for level in found.level if level is not None)
+    return {
+        "repetitions": len(found.number),
+        "failed": found.failed,
+        "not_converged": found.unsettled,
+        "verdicts": {level: verdicts.get(level, 0) for level in ("green", "amber", "red")},
+        "measurements": [_measurement(found, accuracy, i) for i in range(len(found.name))],
+    }
+
+
+def _measurement(found: Repetitions, accuracy: Accuracy, i: int) -> Record:
+    return {
+        "name": found.name[i],
+        "unit": found.unit[i],
+        "count": int(accuracy.count[i]),
+        "predicted_sigma": encode(found.predicted[i]),
+        "stated_sigma": encode(accuracy.stated[i]),
+        "bias": {"value": encode(accuracy.bias[i]), "range": encode(accuracy.bias_range[i])},
+        "spread": {"value": encode(accuracy.spread[i]), "range": encode(accuracy.spread_range[i])},
+        "z": {"value": encode(accuracy.z[i]), "range": encode(accuracy.z_range[i])},
+        "coverage": {
+            share: {
+                "value": encode(accuracy.coverage[i, k]),
+                "range": encode(accuracy.coverage_range[i, k]),
+            }
+            for k, share in enumerate(SHARES)
+        },
+    }
+
 
 LOG_KEYS = {
     "position_bias_m": "position_bias_sigma_m",

@@ -10,9 +10,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M
+from uavgram.geometry.geodesy import EARTH_RADIUS_M
 from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
-from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.result.reliability import VerdictLevel
 from uavgram.views.formatting import number
 from uavgram.views.pages import page
 from uavgram.views.survey.drawing import PAPER, Drawing, Look

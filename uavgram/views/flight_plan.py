@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import Units, counted, listed
 from uavgram.model.planned import FlightPlanned

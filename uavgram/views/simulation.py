@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import METRIC
-from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.result.reliability import VerdictLevel
 from uavgram.model.simulation import Accuracy, Repetitions, Simulation, Variant
 from uavgram.views.formatting import number
 from uavgram.views.pages import page

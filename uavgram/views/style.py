@@ -6,8 +6,8 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
+from uavgram.model.result.reliability import MeasurementStatus, VerdictLevel
 from uavgram.model.result.tables import HeightSource
-from uavgram.model.result.verdict import MeasurementStatus, VerdictLevel
 
 Rgb = tuple[int, int, int]
 

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from uavgram.model.catalogue.lookup import entry_of
-from uavgram.model.flight.frames import Frames, Pairing, Photos
-from uavgram.model.flight.pose import GeoTags
+from uavgram.model.frames import Frames, GeoTags, Pairing, Photos
 from uavgram.model.message import Message
 from uavgram.model.naming import METRIC, Units, counted, listed
 from uavgram.model.result.result import Result

@@ -13,7 +13,7 @@ from small_projects import Command, Project
 
 from uavgram.errors import UavgramError
 from uavgram.io.outputs import SupersededError
-from uavgram.io.results.batch_state import append_record, read_records
+from uavgram.io.results.command_json import append_record, read_records
 from uavgram.model.batch import SurveyRecord, SurveyStatus
 from uavgram.pipeline.batch import run as batch_run
 from uavgram.pipeline.batch import survey

@@ -19,15 +19,9 @@ from small_projects import Command
 
 from uavgram.cli import main
 from uavgram.config.camera import load_camera_file
-from uavgram.io.cameras.opencv import read_opencv_calibration
-from uavgram.model.camera.board import (
-    Board,
-    BoardObservations,
-    BoardPhoto,
-    CalibrationOptions,
-    flat_board,
-)
-from uavgram.model.camera.calibration import Calibration, CameraProvenance
+from uavgram.io.cameras import read_opencv_calibration
+from uavgram.model.board import Board, BoardObservations, BoardPhoto, CalibrationOptions, flat_board
+from uavgram.model.camera import Calibration, CameraProvenance
 from uavgram.stages.calibrate.calibrate import calibrate
 
 FILES = {"camera.yaml", "opencv.yml", "calibration.json", "calibration.html", "calibration.rrd"}

@@ -17,7 +17,7 @@ from planned_sample import sample_plan
 from uavgram.cli import main
 from uavgram.config.project import load_project
 from uavgram.config.project_text import ProjectText, project_text
-from uavgram.io.results.plan_json import write_plan
+from uavgram.io.results.command_json import write_plan
 
 
 def linked(source: Path, target: Path, *patterns: str) -> Path:

@@ -12,14 +12,7 @@ import tagged_jpeg
 
 from uavgram.cli import main
 from uavgram.config.project import load_project
-from uavgram.io.photos.metadata import (
-    APP1,
-    EXIF_HEAD,
-    XMP_HEAD,
-    Segment,
-    build_jpeg,
-    parse_jpeg,
-)
+from uavgram.io.photos.metadata import APP1, EXIF_HEAD, XMP_HEAD, Segment, build_jpeg, parse_jpeg
 from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.model.options import GeodeticOrigin
 

@@ -11,7 +11,7 @@ from small_projects import Command
 from textured_ground import LABELS, NAMES, Textured, write_textured
 
 from uavgram.errors import UavgramError
-from uavgram.io.locks import ProjectLock
+from uavgram.io.outputs import ProjectLock
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from small_projects import Command
 
 from uavgram.io.area_file import read_areas
-from uavgram.io.results.plan_json import read_plan
+from uavgram.io.results.command_json import read_plan
 from uavgram.synthetic.scenario_file import read_world
 
 FILES = {

@@ -12,7 +12,7 @@ import yaml
 from pyproj import Transformer
 from small_projects import Command, Project
 
-from uavgram.imaging.top_view import photo_cache
+from uavgram.imaging.top_view import brightness
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
@@ -144,12 +144,12 @@ def test_a_photo_that_goes_while_it_is_needed_leaves_earlier_files(
 ) -> None:
     assert command("rectify", project.path).status == 0
     before = project.outputs()
-    taken = photo_cache.read_photo
+    taken = brightness.read_photo
 
-    def gone(path: str, reduction: int) -> photo_cache.Photo:
+    def gone(path: str, reduction: int) -> brightness.Photo:
         return taken(path + ".gone", reduction)
 
-    monkeypatch.setattr(photo_cache, "read_photo", gone)
+    monkeypatch.setattr(brightness, "read_photo", gone)
     done = command("rectify", project.path)
 
     assert done.status == 1

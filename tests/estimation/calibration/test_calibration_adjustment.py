@@ -21,12 +21,7 @@ from uavgram.estimation.calibration.adjustment import (
 from uavgram.estimation.calibration.problem import Lens, Linearisation, make_lens, pad
 from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import (
-    BoardObservations,
-    Bow,
-    CalibrationOptions,
-    IntrinsicsPrior,
-)
+from uavgram.model.board import BoardObservations, Bow, CalibrationOptions, IntrinsicsPrior
 
 USUAL = CalibrationOptions()
 

@@ -25,7 +25,7 @@ from uavgram.estimation.calibration.validation import (
     cross_validate,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.model.board import BoardObservations, CalibrationOptions
 
 USUAL = CalibrationOptions()
 

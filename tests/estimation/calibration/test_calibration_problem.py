@@ -16,8 +16,8 @@ from uavgram.estimation.calibration.problem import (
     pad,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import CalibrationOptions, IntrinsicsPrior, flat_board
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.board import CalibrationOptions, IntrinsicsPrior, flat_board
+from uavgram.model.camera import Calibration
 
 CASES = {
     "brown 3": (scenes.BROWN3, CalibrationOptions(coefficients=3)),

@@ -16,11 +16,7 @@ from uavgram.estimation.calibration.reliability import (
     estimate_photo_effect,
 )
 from uavgram.estimation.calibration.start import estimate_first_values
-from uavgram.model.camera.board import (
-    BoardObservations,
-    CalibrationOptions,
-    IntrinsicsPrior,
-)
+from uavgram.model.board import BoardObservations, CalibrationOptions, IntrinsicsPrior
 
 REMOVE = CalibrationOptions(outliers="remove")
 

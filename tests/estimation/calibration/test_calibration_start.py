@@ -19,8 +19,8 @@ from uavgram.estimation.calibration.start import (
     solve_zhang,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import CalibrationOptions
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.board import CalibrationOptions
+from uavgram.model.camera import LensModel
 
 PINHOLE = np.array([820.0, 815, 530, 370, 0, 0, 0, 0, 0])
 

@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.difference import compare_cameras, make_image_grid
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 WIDTH, HEIGHT = 4000, 3000
 PARAMETERS = np.array([2300.0, 2305, 2005, 1490, -0.05, 0.02, 4e-4, -2e-4, 0.001])

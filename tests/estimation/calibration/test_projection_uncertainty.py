@@ -16,7 +16,7 @@ from uavgram.estimation.calibration.projection_uncertainty import (
     compute_worst_sigma,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 CAMERA = Calibration(
     name="c",

@@ -9,7 +9,7 @@ import pytest
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_boot, to_utc
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Boot, ClockSamples
+from uavgram.model.flight_log import Boot, ClockSamples
 
 EPOCH = 1.7e9
 ClockSource = Literal["gps", "system_time", "receive"]

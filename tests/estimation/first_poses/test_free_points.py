@@ -10,7 +10,7 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.first_poses.first_points import add_free_points
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 
 HEIGHTS = {0: 1.5, 7: 2.5}

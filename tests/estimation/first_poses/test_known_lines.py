@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation
 from uavgram.estimation.first_poses.known_lines import make_rotations, poses_from_lines
 from uavgram.estimation.first_poses.pose_problem import LineRows, move_poses
 from uavgram.estimation.solver.batched import ExplicitProblem, minimise_each
-from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, draw_scenes
-from uavgram.synthetic.study.methods import (
+from uavgram.synthetic.pose_methods import (
     LINES,
     compute_rival_differences,
     find_line_starts,
     find_minima,
     make_line_rows,
 )
+from uavgram.synthetic.single_photos import MethodScenes, Setting, draw_scenes
 
 EXACT = Setting(name="exact", pick_px=1e-9, place_m=1e-9)
 

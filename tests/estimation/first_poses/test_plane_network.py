@@ -9,8 +9,8 @@ import numpy as np
 from scenes import Scene
 
 from uavgram.estimation.first_poses.known_frames import PlaneNetwork
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.model.survey.survey import Survey
+from uavgram.geometry.camera.projection import back_project
+from uavgram.model.survey import Survey
 
 
 def grown(survey: Survey, scene: Scene) -> PlaneNetwork:

@@ -13,7 +13,7 @@ from uavgram.estimation.first_poses.plane_search import (
     count_rows,
     fit_heights,
 )
-from uavgram.geometry.ground import conditions, shapes
+from uavgram.geometry.ground import conditions, measurements
 from uavgram.model.arrays import Floats
 
 NONE = np.zeros(6)
@@ -44,7 +44,7 @@ def by_world(kind: str, points: Floats) -> Floats:
     if kind == "parallel":
         return np.abs(conditions.parallel(points, on_ground=True).value)
     name = "distance" if kind == "horizontal_distance" else kind
-    value = getattr(shapes, name)(points)[0]
+    value = getattr(measurements, name)(points)[0]
     return np.array([np.degrees(value) if kind == "angle" else value])
 
 

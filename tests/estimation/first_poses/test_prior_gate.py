@@ -13,7 +13,7 @@ from uavgram.estimation.first_poses.prior_gate import (
     move_seed_to_plane,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.survey import Ground
+from uavgram.model.survey import Ground
 
 SEED = np.diag([1.0, -1.0, -1.0]) @ Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
 CENTER = np.array([3.0, 4.0, 50.0])

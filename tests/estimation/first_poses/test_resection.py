@@ -18,7 +18,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 NO_LOG: dict[str, Any] = {"telemetry": False, "gauge": "plane", "frames": 1}

@@ -13,7 +13,7 @@ from uavgram.estimation.first_poses.plane_search import (
     compute_rows,
     search_known_planes,
 )
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 
 Known = tuple[tuple[str, tuple[int, ...]], ...]

@@ -10,8 +10,8 @@ from scenes import NO_TIMES, make_scene
 from uavgram.estimation.measuring.error_budget import compute_error_budget, compute_shares
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.refine import refine
 
 REQUESTS = (

@@ -4,7 +4,7 @@ import pytest
 
 from uavgram.estimation.measuring.kinds import require_picked
 from uavgram.geometry.ground.measurements import UnmeasurableError
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 
 
 def test_a_picked_label_that_was_left_out_is_no_misspelling() -> None:

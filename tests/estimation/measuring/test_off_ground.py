@@ -21,9 +21,9 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.departures import compute_heights
 from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
+from uavgram.model.observations import MeasurementKind, MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
-from uavgram.model.survey.survey import Relief, Survey
+from uavgram.model.survey import Relief, Survey
 from uavgram.stages.measure import compute_profiles
 from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine

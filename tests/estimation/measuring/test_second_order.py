@@ -14,10 +14,10 @@ from scenes import make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.measure import MAX_SIGMA_DIFFERENCE, check_second_order, measurement_results
 from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine

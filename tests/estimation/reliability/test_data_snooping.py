@@ -18,8 +18,8 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import ObservationNames
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
-from uavgram.model.survey.survey import Survey
+from uavgram.model.flight_log import Track
+from uavgram.model.survey import Survey
 
 ALPHA = 0.001
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))

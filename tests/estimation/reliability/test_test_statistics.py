@@ -20,8 +20,8 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import refit
 from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.model.arrays import Floats
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.judge.priors import compute_prior_residuals
 from uavgram.stages.refine import refine
 

@@ -14,14 +14,13 @@ from uavgram.estimation.survey.moved import refit
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import assemble_survey
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.stages.refine import refine
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
-from uavgram.synthetic.inputs import make_inputs
 from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario
-from uavgram.synthetic.survey import simulate
+from uavgram.synthetic.survey import make_inputs, simulate
 
 ENDS = ((-9.0, -6.0), (8.0, -7.0), (9.0, 6.0), (-8.0, 7.0), (0.5, -1.0), (2.0, 3.0))
 LINES = (("A", "B"), ("B", "C"), ("C", "D"), ("D", "A"), ("E", "F"), ("A", "E"))

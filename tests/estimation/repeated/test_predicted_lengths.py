@@ -10,7 +10,7 @@ import pytest
 from uavgram.estimation.repeated.moved_errors import add_errors
 from uavgram.estimation.repeated.predicted_lengths import compute_slopes, predict_lengths
 from uavgram.estimation.repeated.single_photo import adjust_photos
-from uavgram.synthetic.study.photos import (
+from uavgram.synthetic.single_photos import (
     StudyCell,
     StudyPhoto,
     StudyScene,

@@ -17,9 +17,9 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.observations import KnownThing
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 RAISED = {0: 1.4, 2: 0.9, 5: 0.12}

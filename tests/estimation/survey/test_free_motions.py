@@ -11,10 +11,10 @@ import scenes
 from scenes import make_scene
 from scipy.spatial.transform import Rotation
 
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 SCENE: dict[str, Any] = {"frames": 2, "labels": 8, "lines": 9, "telemetry": False, "gauge": "plane"}
@@ -37,7 +37,7 @@ def distances(survey: Survey) -> tuple[Floats, Floats, Floats]:
     joint = covariance.reshape(len(order), 3, len(order), 3)
     for a in range(len(order)):
         for b in range(a):
-            value, gradient = shapes.distance(world[[a, b]])
+            value, gradient = measurements.distance(world[[a, b]])
             ends = joint[[a, b]][:, :, [a, b]].reshape(6, 6)
             values.append(value)
             sigmas.append(np.sqrt(gradient.ravel() @ ends @ gradient.ravel()))

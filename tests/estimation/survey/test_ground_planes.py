@@ -16,7 +16,7 @@ from uavgram.estimation.survey.ground_planes import (
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 VERGE = (1, 3)

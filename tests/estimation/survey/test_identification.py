@@ -18,7 +18,7 @@ from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 SIGMA_M = 0.015

@@ -15,7 +15,7 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem, compute_covariance_root
 from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import Along
+from uavgram.model.observations import Along
 
 CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},

@@ -19,9 +19,9 @@ from uavgram.estimation.survey.moved import Functionals, add_errors, readjust_mo
 from uavgram.estimation.survey.neighbours import find_neighbourhood, split_into_groups
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 

@@ -17,7 +17,7 @@ from uavgram.estimation.survey.neighbours import (
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 

@@ -17,8 +17,8 @@ from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.geometry.motion.camera_motion import camera_motion
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.tags import Readout
-from uavgram.model.flight.log import Track
+from uavgram.model.camera import Readout
+from uavgram.model.flight_log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 

@@ -12,7 +12,6 @@ from derivatives import assert_derivative, central_differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.geometry.camera.projection import (
     BeyondFold,
     back_project,
@@ -20,9 +19,10 @@ from uavgram.geometry.camera.projection import (
     largest_radius,
     project,
     project_with_jacobian,
+    share_without_rays,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 PINHOLE = np.array([1000.0, 1010, 640, 480, 0, 0, 0, 0, 0])
 # A Raspberry Pi camera V2, half resolution: folds back inside the image (k3 < 0).

@@ -8,7 +8,20 @@ from derivatives import assert_derivative, central_differences
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavgram.geometry.ground.plane import intersect_ground, intersect_ground_with_jacobian
+from uavgram.geometry.ground.plane import (
+    choose_knots,
+    compute_end_components,
+    correlated_basis,
+    differentiate_by_ends,
+    differentiate_by_plane,
+    fit_robust_plane,
+    intersect_ground,
+    intersect_ground_with_jacobian,
+    knots_root,
+    lengths_on_plane,
+    pose_above_plane,
+    quadratic_basis,
+)
 from uavgram.model.arrays import Floats
 
 PLANE = np.array([1.5, 0.02, -0.05])
@@ -105,3 +118,189 @@ def test_inputs_stay_as_they_were() -> None:
     for array in arrays:
         array.flags.writeable = False
     intersect_ground_with_jacobian(*arrays)
+
+
+# A camera over a plane, from lengths alone.
+
+
+def planes() -> Floats:
+    normal = np.array([[0.0, 0, 1], [0.1, 0.5, 0.8], [-0.6, 0.2, 0.7], [0, -0.3, 0.9]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    result: Floats = normal / np.array([[40.0], [55], [12], [80]])
+    return result
+
+
+def rays(seed: int) -> Floats:
+    plane_coordinates = np.random.default_rng(seed).uniform(-0.4, 0.4, (6, 2))
+    return np.concatenate([plane_coordinates, np.ones((6, 1))], axis=1)
+
+
+def pairs(start: Floats, end: Floats) -> Floats:
+    """Ends (3, 2, L) of lines with rays (L, 3)."""
+    return np.stack([start.T, end.T], axis=1)
+
+
+def lengths(plane: Floats, ends: Floats) -> Floats:
+    """(S, L) on planes (S, 3)."""
+    return lengths_on_plane(np.moveaxis(plane, -1, 0)[..., None], ends[:, :, None]).length
+
+
+def test_lengths_are_those_between_the_ground_points_of_the_pose() -> None:
+    start, end = rays(1), rays(2)
+    found = lengths(planes(), pairs(start, end))
+    for plane, length in zip(planes(), found, strict=True):
+        center, rotation = pose_above_plane(plane)
+        ground = [
+            intersect_ground(center, ray @ rotation.T, np.zeros(3), np.zeros(2))
+            for ray in (start, end)
+        ]
+        np.testing.assert_allclose(length, np.linalg.norm(ground[0] - ground[1], axis=1))
+
+
+@pytest.mark.parametrize("plane", planes())
+def test_derivatives_by_the_plane_equal_central_differences(plane: Floats) -> None:
+    ends = pairs(rays(1), rays(2))
+    on_plane = lengths_on_plane(plane[:, None], ends)
+    found = differentiate_by_plane(on_plane, compute_end_components(on_plane))
+    numeric = central_differences(lambda m: lengths_on_plane(m[:, None], ends).length, plane, 1e-5)
+    assert_derivative(found.T, numeric)
+
+
+@pytest.mark.parametrize("plane", planes())
+def test_derivatives_by_the_ends_equal_central_differences(plane: Floats) -> None:
+    ends = pairs(rays(1), rays(2))
+    on_plane = lengths_on_plane(plane[:, None], ends)
+    found = differentiate_by_ends(on_plane, compute_end_components(on_plane))
+
+    def moved(shift: Floats) -> Floats:
+        by = np.append(shift.reshape(2, 2), [[0.0, 0.0]], axis=0)
+        return lengths_on_plane(plane[:, None], ends + by[:, :, None]).length
+
+    numeric = central_differences(moved, np.zeros(4), 1e-4)
+    assert_derivative(found.reshape(4, -1).T, numeric)
+
+
+def test_beyond_the_horizon_there_is_no_length() -> None:
+    level = np.array([0.0, 0.1, 0.0])[:, None]  # looking along the ground, 10 m above it
+    above, below = np.array([[0.0, -0.2, 1.0]]), np.array([[0.0, 0.2, 1.0]])
+    for ends in (pairs(above, below), pairs(below, above), pairs(below, below)):
+        found = lengths_on_plane(level, ends)
+        assert np.isnan(found.length).all()
+        assert np.isnan(differentiate_by_plane(found, compute_end_components(found))).all()
+        assert np.isnan(differentiate_by_ends(found, compute_end_components(found))).all()
+
+
+@pytest.mark.parametrize("plane", [*planes(), np.array([0, 0.1, 0])])
+def test_pose_stands_over_the_origin_with_image_up_to_the_north(plane: Floats) -> None:
+    center, rotation = pose_above_plane(plane)
+    np.testing.assert_allclose(center, np.array([0, 0, 1 / np.linalg.norm(plane)]))
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    np.testing.assert_allclose(rotation @ plane * center[2], [0, 0, -1], atol=1e-15)
+    image_up = rotation @ [0, -1, 0]
+    assert image_up[0] == pytest.approx(0, abs=1e-15)
+    assert image_up[1] >= 0
+
+
+def test_looking_at_the_horizon_the_optical_axis_is_north() -> None:
+    _, rotation = pose_above_plane(np.array([0, 0.1, 0]))
+    np.testing.assert_allclose(rotation @ [0, 0, 1], [0, 1, 0], atol=1e-15)
+
+
+# The plane of most: as long as they are most, what the others do has no influence.
+
+
+TRUE_PLANE = np.array([2.0, 0.03, -0.02])
+
+
+def heights(place: np.ndarray) -> np.ndarray:
+    return np.asarray(TRUE_PLANE[0] + place @ TRUE_PLANE[1:])
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("off", [0, 10, 18])
+def test_points_off_the_plane_do_not_move_it(seed: int, off: int) -> None:
+    rng = np.random.default_rng(seed)
+    place = rng.uniform(-20, 20, (36, 2))
+    true = heights(place)
+    height = true + 0.01 * rng.standard_normal(36)
+    height[:off] += rng.choice([0.9, 1.4, 2.5], off)
+
+    found = fit_robust_plane(place, height, np.full(36, 0.03))
+
+    assert found is not None
+    assert np.abs(found - true).max() < 0.03
+
+
+def test_exact_points_give_the_exact_plane() -> None:
+    place = np.random.default_rng(0).uniform(-20, 20, (9, 2))
+
+    found = fit_robust_plane(place, heights(place), np.full(9, 0.03))
+
+    assert found is not None
+    np.testing.assert_allclose(found, heights(place), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        np.zeros((3, 2)),
+        np.zeros((8, 2)),
+        np.column_stack([np.arange(8.0), 2.0 * np.arange(8.0)]),
+    ],
+    ids=["few", "one place", "a line"],
+)
+def test_without_three_corners_there_is_no_plane(place: np.ndarray) -> None:
+    assert fit_robust_plane(place, np.zeros(len(place)), np.ones(len(place))) is None
+
+
+# Smooth departures of ground from a plane.
+
+
+RNG = np.random.default_rng(4)
+PLACES = RNG.uniform(-20.0, 20.0, (40, 2))
+KNOTS = PLACES[:12]
+ROOT = knots_root(KNOTS, 9.0)
+
+
+@pytest.mark.parametrize("kind", ["quadratic", "correlated"])
+def test_the_slopes_equal_central_differences(kind: str) -> None:
+    def value(places: Floats) -> Floats:
+        if kind == "quadratic":
+            return quadratic_basis(places, np.array([1.0, -3.0]), 7.0).value
+        return correlated_basis(places, KNOTS, 9.0, ROOT).value
+
+    basis = (
+        quadratic_basis(PLACES, np.array([1.0, -3.0]), 7.0)
+        if kind == "quadratic"
+        else correlated_basis(PLACES, KNOTS, 9.0, ROOT)
+    )
+    for axis in range(2):
+        step = np.zeros(2)
+        step[axis] = 1e-5
+        numeric = (value(PLACES + step) - value(PLACES - step)) / 2e-5
+        np.testing.assert_allclose(basis.gradient[..., axis], numeric, rtol=1e-5, atol=1e-6)
+
+
+def test_heights_at_the_knots_have_the_covariance_of_their_distances() -> None:
+    value = correlated_basis(KNOTS, KNOTS, 9.0, ROOT).value
+    distance = np.linalg.norm(KNOTS[:, None] - KNOTS[None], axis=2)
+
+    np.testing.assert_allclose(value @ value.T, np.exp(-((distance / 9.0) ** 2) / 2), atol=1e-7)
+
+
+def test_far_from_all_knots_there_is_no_relief() -> None:
+    assert np.abs(correlated_basis(np.array([[500.0, 0.0]]), KNOTS, 9.0, ROOT).value).max() < 1e-12
+
+
+def test_a_quadratic_surface_is_a_known_polynomial() -> None:
+    basis = quadratic_basis(np.array([[11.0, 4.0]]), np.array([1.0, -1.0]), 5.0)
+
+    np.testing.assert_allclose(basis.value, [[4.0, 4.0, 1.0]])
+
+
+def test_knots_lie_at_places_far_apart() -> None:
+    line = np.column_stack([np.arange(11.0), np.zeros(11)])
+
+    assert sorted(choose_knots(line, 3)[:, 0].tolist()) == [0.0, 5.0, 10.0]
+    assert len(choose_knots(np.zeros((4, 2)), 3)) == 1

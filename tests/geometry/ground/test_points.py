@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.points import BLOCK, View, compute_ground_points
 from uavgram.model.arrays import Floats

@@ -11,7 +11,7 @@ import top_views
 from scipy.spatial.transform import Rotation
 from top_views import LENSES, ORIGIN, UTM, cv_project, looking, make_view
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.geometry.ground.top_view import (
     MAX_OFF_NADIR,
     FrameCovariance,

@@ -8,9 +8,14 @@ from scipy.stats import norm
 from textures import BLUR_PX, Texture
 
 from uavgram.imaging.matching import line_of_sight
-from uavgram.imaging.matching.line_of_sight import LineMatches, choose_line_place, match_along_line
-from uavgram.imaging.matching.matches import RefusalReason
-from uavgram.imaging.matching.shared_corner import SightLine, compute_corner_strength
+from uavgram.imaging.matching.least_squares import RefusalReason
+from uavgram.imaging.matching.line_of_sight import (
+    LineMatches,
+    SightLine,
+    choose_line_place,
+    compute_corner_strength,
+    match_along_line,
+)
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 

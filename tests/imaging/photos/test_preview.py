@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,9 +12,18 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decode import jpeg_size, read_pixels
+from uavgram.imaging.photos.decoding import halve, jpeg_size, read_pixels
 from uavgram.imaging.photos.preview import (
+    IDENTITY_TONE,
+    LONGEST_PX,
+    MAX_GAIN,
     Pixels,
+    Tone,
+    apply_tone,
+    choose_full_range_tone,
+    choose_tone,
+    compute_tone_curve,
+    cut_parts,
     decode_preview,
     make_preview,
     make_preview_of_decoded,
@@ -21,6 +31,7 @@ from uavgram.imaging.photos.preview import (
     shrink_jpeg,
 )
 from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Region, Subject
 
 
 def photo(width: int, height: int, colour: tuple[int, int, int] = (1, 1, 1)) -> Pixels:
@@ -155,3 +166,206 @@ def test_a_decoded_photo_is_reduced_as_its_file_is() -> None:
     assert np.abs(decode_preview(preview)[..., 0] - mean).mean() < 2.0
     assert jpeg_size(shrink_jpeg(preview.jpeg, 100)) == (100, 75)
     assert jpeg_size(shrink_jpeg(preview.jpeg, 1000)) == (400, 300)
+
+
+# How bright pictures are shown, against numpy's and OpenCV's own ways.
+
+
+def picture(low: float, high: float, power: float = 1.0) -> Pixels:
+    """(180, 240, 3) grey values from one to another."""
+    share = np.random.default_rng(3).random((180, 240)) ** power
+    return np.repeat(np.round(low + (high - low) * share).astype(np.uint8)[..., None], 3, axis=2)
+
+
+WELL_EXPOSED = [(10, 245, 1.0), (60, 130, 1.0), (0, 250, 2.0), (130, 140, 1.0), (255, 255, 1.0)]
+HARD_TO_SEE = [(30, 60, 1.0), (0, 90, 1.0), (0, 255, 4.0), (140, 175, 1.0), (0, 12, 1.0)]
+
+
+@pytest.mark.parametrize(("low", "high", "power"), WELL_EXPOSED)
+def test_what_is_well_exposed_is_shown_as_it_is(low: float, high: float, power: float) -> None:
+    pixels = picture(low, high, power)
+    tone = choose_tone(pixels)
+
+    assert tone == IDENTITY_TONE
+    assert apply_tone(pixels, tone) is pixels
+
+
+@pytest.mark.parametrize(("low", "high", "power"), HARD_TO_SEE)
+def test_what_is_dark_or_flat_is_brightened(low: float, high: float, power: float) -> None:
+    pixels = picture(low, high, power)
+    shown = apply_tone(pixels, choose_tone(pixels))
+    before, after = (np.percentile(each, [0.5, 50, 99.5]) for each in (pixels, shown))
+
+    assert 40 <= after[1] <= 180
+    assert after[2] - after[0] >= min(2 * (before[2] - before[0]), 240)
+
+
+@pytest.mark.parametrize(("low", "high"), [(30, 95), (5, 80), (40, 104)])
+def test_a_dark_picture_fills_the_screen_between_numpys_percentiles(low: int, high: int) -> None:
+    pixels = picture(low, high)
+    tone = choose_tone(pixels)
+    ends = np.percentile(pixels[..., 0], [0.5, 99.5])
+
+    np.testing.assert_allclose([tone.black, tone.white], ends, atol=0.06)
+    np.testing.assert_allclose(
+        compute_tone_curve(tone)[[round(ends[0]), round(ends[1])]], [0, 255], atol=4
+    )
+
+
+def test_the_size_of_the_copy_that_is_looked_at_does_not_matter() -> None:
+    small = np.sort(picture(30, 95), axis=1)
+    large = cv2.resize(small, None, fx=5, fy=5, interpolation=cv2.INTER_NEAREST)
+    tones = choose_tone(small), choose_tone(np.asarray(large, np.uint8))
+
+    np.testing.assert_allclose(tones[0].black, tones[1].black, atol=3)
+    np.testing.assert_allclose(tones[0].white, tones[1].white, atol=3)
+
+
+@pytest.mark.parametrize("tone", [Tone(), Tone(33, 61, 1), Tone(-40, 400, 0.3), Tone(5, 9, 6)])
+def test_the_curve_never_falls_and_is_that_of_opencv(tone: Tone) -> None:
+    values = compute_tone_curve(tone).astype(int)
+    if tone.gamma == 1.0:
+        scale = 255.0 / (tone.white - tone.black)
+        own = cv2.convertScaleAbs(  # which takes absolute values: so only what is not cut
+            np.arange(256.0)[values > 0], alpha=scale, beta=-scale * tone.black
+        )
+        np.testing.assert_allclose(values[values > 0], np.ravel(own), atol=1)
+
+    assert (np.diff(values) >= 0).all()
+    assert values.min() >= 0
+    assert values.max() <= 255
+
+
+def test_noise_is_not_brightened_beyond_a_bound() -> None:
+    pixels = picture(20, 24)
+    tone = choose_tone(pixels)
+
+    assert 255.0 / (tone.white - tone.black) == pytest.approx(MAX_GAIN)
+    assert tone.black <= 20
+    assert tone.white >= 24
+
+
+def test_who_asks_for_it_gets_a_stretch_of_a_good_picture_too() -> None:
+    tone = choose_full_range_tone(picture(60, 160))
+
+    assert tone.black == pytest.approx(60, abs=2)
+    assert tone.white == pytest.approx(160, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("black", "white", "gamma"), [(5, 5, 1), (9, 3, 1), (0, 255, 0), (0, 255, 99)]
+)
+def test_what_is_no_curve_is_refused(black: float, white: float, gamma: float) -> None:
+    with pytest.raises(ValueError, match="no curve"):
+        Tone(black, white, gamma)
+
+
+@pytest.mark.parametrize(("low", "high", "brightened"), [(20, 60, True), (20, 230, False)])
+def test_a_preview_is_brightened_and_its_pixels_are_not(
+    tmp_path: Path, low: int, high: int, *, brightened: bool
+) -> None:
+    path = str(tmp_path / "photo.png")
+    pixels = picture(low, high)
+    assert cv2.imwrite(path, pixels)
+    preview, plain = read_preview(path)
+    shown = decode_preview(preview)
+
+    assert np.array_equal(plain, pixels)
+    assert preview.tone.is_identity == (not brightened)
+    assert (np.percentile(shown, 99) > 200) or not brightened
+    if not brightened:  # byte by byte what it always was
+        assert (
+            preview.jpeg
+            == cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 75])[1].tobytes()
+        )
+
+
+# Parts of a photo for a report.
+
+
+WIDTH, HEIGHT = 600, 400
+
+
+def region(left: int, top: int, width: int, height: int, subject: Subject = "point") -> Region:
+    return Region(
+        subject=subject, row=0, frame=0, left_px=left, top_px=top, width_px=width, height_px=height
+    )
+
+
+@pytest.fixture
+def wide_photo(tmp_path: Path) -> Path:
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    pixels = np.stack([u * 255 // WIDTH, v * 255 // HEIGHT, (u + v) // 4], axis=-1)
+    cv2.imwrite(str(tmp_path / "a.png"), pixels.astype(np.uint8))
+    return tmp_path / "a.png"
+
+
+def decoded(content: bytes) -> Floats:
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    assert pixels is not None
+    return pixels.astype(np.float64)
+
+
+def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(
+    wide_photo: Path,
+) -> None:
+    (picture,) = cut_parts([read_pixels(wide_photo)], IDENTITY_TONE, [region(120, 200, 90, 60)])
+    wanted = decoded(wide_photo.read_bytes())[200:260, 120:210]
+
+    assert decoded(picture.jpeg).shape == wanted.shape
+    assert np.abs(decoded(picture.jpeg) - wanted).max() < 8  # JPEG
+    assert (picture.shown_px, picture.stretch) == (90, None)
+
+
+def test_a_large_part_is_reduced(wide_photo: Path) -> None:
+    (picture,) = cut_parts([read_pixels(wide_photo)], IDENTITY_TONE, [region(0, 0, WIDTH, HEIGHT)])
+    shown = decoded(picture.jpeg)
+
+    assert picture.shown_px == shown.shape[1] == LONGEST_PX["point"]
+    assert shown.shape[0] == LONGEST_PX["point"] * HEIGHT // WIDTH
+
+
+def test_a_dark_photo_is_brightened_alike_in_all_parts_and_says_so(
+    wide_photo: Path,
+) -> None:
+    dark = (decoded(wide_photo.read_bytes()) // 5).astype(np.uint8)
+    parts = [region(0, 0, 60, 60), region(400, 300, 60, 60)]
+    pictures = cut_parts([dark], choose_tone(dark), parts)
+
+    assert pictures[0].stretch == pictures[1].stretch is not None
+    assert decoded(pictures[1].jpeg).mean() > 2 * dark[300:360, 400:460].mean()
+
+
+def test_parts_of_the_same_place_are_the_same_picture_and_each_keeps_its_own_row(
+    wide_photo: Path,
+) -> None:
+    parts = [region(0, 0, 400, 400), region(0, 0, 400, 400, "measurement"), region(2, 0, 400, 400)]
+    first, larger, higher = cut_parts([read_pixels(wide_photo)], IDENTITY_TONE, parts)
+    again = cut_parts([read_pixels(wide_photo)], IDENTITY_TONE, [*parts, replace(parts[0], row=7)])
+
+    assert again[:3] == (first, larger, higher)
+    assert again[3] == replace(first, region=replace(parts[0], row=7))
+    assert len({first.jpeg, larger.jpeg, higher.jpeg}) == 3
+
+
+def test_a_half_that_is_there_already_is_the_one_that_is_made(wide_photo: Path) -> None:
+    pixels = read_pixels(wide_photo)
+    large = region(0, 0, 2 * LONGEST_PX["point"], 200)
+    pixels = np.hstack([pixels, pixels])
+
+    assert cut_parts([pixels, halve(pixels)], IDENTITY_TONE, [large]) == cut_parts(
+        [pixels], IDENTITY_TONE, [large]
+    )
+
+
+@pytest.mark.parametrize(("left", "at_edge"), [(2, (0, 255)), (3, (128, 255))])
+def test_parts_shown_at_half_size_lie_where_they_are_in_the_photo(
+    left: int, at_edge: tuple[int, int]
+) -> None:
+    pixels = np.zeros((740, 740, 3), np.uint8)
+    pixels[:, 402:] = 255
+
+    (picture,) = cut_parts([pixels], IDENTITY_TONE, [region(left, 4, 720, 720)])
+
+    assert picture.shown_px == 360
+    assert decoded(picture.jpeg)[100, 199:201].mean(axis=1) == pytest.approx(at_edge, abs=25)

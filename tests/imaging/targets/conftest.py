@@ -11,8 +11,8 @@ from board_photos import Sensor
 
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import Board, flat_board
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.board import Board, flat_board
+from uavgram.model.camera import LensModel
 
 SIZE_PX = (960, 720)
 

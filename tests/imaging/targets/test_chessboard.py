@@ -13,13 +13,12 @@ from board_photos import Sensor, look, photograph, true_corners
 
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets import chessboard as module
+from uavgram.imaging.targets.boards import collect_observations, detect_in_photos
 from uavgram.imaging.targets.chessboard import sight_chessboard
-from uavgram.imaging.targets.detect import detect_in_photos
-from uavgram.imaging.targets.observations import collect_observations
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import Board, LensSetting, flat_board
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.board import Board, LensSetting, flat_board
+from uavgram.model.camera import LensModel
 
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])

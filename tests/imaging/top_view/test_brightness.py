@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from top_views import cv_project, looking, make_view, write_photo
 
-from uavgram.imaging.top_view.brightness import estimate_exposure_gains
-from uavgram.imaging.top_view.photo_cache import apply_gain, create_photo_cache
+from uavgram.imaging.top_view.brightness import (
+    apply_gain,
+    create_photo_cache,
+    estimate_exposure_gains,
+)
 from uavgram.stages.products.top_view import lay_raster
 
 LIGHT = np.array([1.0, 0.6, 1.3])

@@ -24,15 +24,14 @@ from top_views import (
 from uavgram.errors import InputError
 from uavgram.geometry.ground.top_view import MAX_OFF_NADIR, View
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.top_view.photo_cache import (
+from uavgram.imaging.top_view.brightness import (
     MARGIN_PX,
     PhotoCache,
     create_photo_cache,
     read_photo,
 )
-from uavgram.imaging.top_view.warp import REACH, warp_window
-from uavgram.imaging.top_view.warp_maps import make_lattice, project_window
-from uavgram.io.digest import photo_files
+from uavgram.imaging.top_view.warp import REACH, make_lattice, project_window, warp_window
+from uavgram.io.files import photo_files
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 from uavgram.stages.products.top_view import lay_raster

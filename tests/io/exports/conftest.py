@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import synthetic_survey
 
-from uavgram.geometry.earth.geodesy import utm_crs
+from uavgram.geometry.geodesy import utm_crs
 from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of

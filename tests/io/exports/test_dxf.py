@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import ezdxf
 import numpy as np
 import pytest
+from ezdxf import recover
+from ezdxf.addons import text2path
 from ezdxf.document import Drawing
+from ezdxf.entities.dxfentity import DXFEntity
 from ezdxf.entities.insert import Insert
 from ezdxf.entities.lwpolyline import LWPolyline
+from ezdxf.entities.mtext import MText
+from ezdxf.entities.text import Text
+from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import readfile
 from ezdxf.math import ConstructionEllipse
 from pyproj import Geod, Transformer
 
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
-from uavgram.model.maps import Features
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.maps import Features, Layer
 from uavgram.model.result.result import Result
 
 
@@ -215,3 +224,294 @@ def test_dimensions_have_letters_of_the_labels_size_in_every_program(
     assert style.dxf.dimtxt == document.header["$DIMTXT"] == pytest.approx(label.dxf.height)
     for name in ("dimasz", "dimexe", "dimexo", "dimgap"):
         assert style.get_dxf_attrib(name) == document.header[f"${name.upper()}"] < label.dxf.height
+
+
+# No text of a drawing covers another: as ezdxf draws them, letter by letter.
+
+
+Box = tuple[tuple[float, float], tuple[float, float], float]
+
+
+def random_survey(rng: np.random.Generator) -> Features:
+    """Points, crowded here and there, with known and measured lengths between them, and areas."""
+    count = int(rng.integers(2, 14))
+    spread = 10.0 ** rng.uniform(-0.5, 2.5)
+    place = np.column_stack([rng.normal(size=(count, 2)) * [spread, spread / 3], np.zeros(count)])
+    crowd = place[0, :2] + rng.normal(size=(count // 3, 2)) * spread / 50
+    place[1 : 1 + count // 3, :2] = crowd
+    label = tuple(f"P{i}" * int(rng.integers(1, 3)) for i in range(count))
+    high = np.where(rng.random(count) < 0.2, rng.uniform(0.1, 3.0, count), 0.0)
+    points = Layer(
+        name="points",
+        kind="point",
+        vertices_m=tuple(place[:, None]),
+        attributes={
+            "label": label,
+            **{f"sigma_{axis}_m": (0.01,) * count for axis in ("east", "north", "up")},
+            "height_above_ground_m": tuple(high.tolist()),
+            "height_sigma_m": tuple(np.where(high > 0, 0.02, 0.0).tolist()),
+            "height_source": tuple("free" if up else "ground" for up in high),
+            "picked_by": ("hand",) * count,
+        },
+    )
+    pairs = rng.permuted(np.tile(np.arange(count), (int(rng.integers(1, 9)), 1)), axis=1)[:, :2]
+    return Features(
+        name="crowded",
+        layers=(_lengths(place, pairs), _nothing(), _measured(place, pairs[::-1]), points),
+        origin=None,
+        height_datum="msl",
+        crs=None,
+    )
+
+
+def _nothing(name: str = "measured_areas") -> Layer:
+    return Layer(name=name, kind="polygon", vertices_m=(), attributes={"alternatives": ()})
+
+
+def _ends(place: Floats, pairs: Ints) -> tuple[Floats, ...]:
+    return tuple(place[pair] for pair in pairs)
+
+
+def _lengths(place: Floats, pairs: Ints) -> Layer:
+    ends = _ends(place, pairs)
+    size = [float(np.linalg.norm(end[1] - end[0])) for end in ends]
+    return Layer(
+        name="known_lengths",
+        kind="line",
+        vertices_m=ends,
+        attributes={
+            "name": tuple(f"L{i}" for i in range(len(ends))),
+            "length_m": tuple(size),
+            "sigma_m": (0.01,) * len(ends),
+        },
+    )
+
+
+def _measured(place: Floats, pairs: Ints) -> Layer:
+    ends = (*_ends(place, pairs), place[:4])
+    count = len(ends)
+    return Layer(
+        name="measured_lines",
+        kind="line",
+        vertices_m=ends,
+        attributes={
+            "name": tuple(f"braking {i}" for i in range(count)),
+            "kind": ("distance",) * (count - 1) + ("polyline",),
+            "value": tuple(float(np.linalg.norm(end[-1] - end[0])) for end in ends),
+            "sigma": (0.0123,) * count,
+            "unit": ("m",) * count,
+            "alternatives": ("",) * count,
+        },
+    )
+
+
+def shown_texts(document: Drawing) -> list[DXFEntity]:
+    """All texts that a program shows, those of dimensions among them."""
+    space = document.modelspace()
+    found: list[DXFEntity] = list(space.query("TEXT"))
+    for dimension in space.query("DIMENSION"):
+        found += [one for one in dimension.virtual_entities() if isinstance(one, (Text, MText))]  # type: ignore[attr-defined]
+    return found
+
+
+def box_of(text: DXFEntity) -> Box:
+    """The smallest rectangle around the letters, which may be turned."""
+    drawn = text if isinstance(text, Text) else Text()
+    if isinstance(text, MText):  # one line of it
+        drawn = Text.new(dxfattribs={"text": text.text, "height": text.dxf.char_height})
+        drawn.dxf.rotation = text.get_rotation()
+        drawn.set_placement(text.dxf.insert, align=TextEntityAlignment.MIDDLE_CENTER)
+    paths = text2path.make_paths_from_entity(drawn)
+    corners = np.array([tuple(point)[:2] for path in paths for point in path.flattening(0.01)])
+    first = corners[0]  # of a map these are millions of metres, and OpenCV's numbers too short
+    (x, y), size, turn = cv2.minAreaRect((corners - first).astype(np.float32))
+    return (x + float(first[0]), y + float(first[1])), (size[0], size[1]), turn
+
+
+SLIGHT = 1e-9
+"""Of the drawing's area: OpenCV computes in single precision."""
+
+
+def overlap(one: Box, other: Box) -> float:
+    """The area that two rectangles have in common."""
+    return float(cv2.intersectConvexConvex(cv2.boxPoints(one), cv2.boxPoints(other))[0])
+
+
+def moved_by_librecad(document: Drawing) -> list[Floats]:
+    """By how much each text is moved where a program puts long ones beyond their dimension line.
+
+    So does LibreCAD 2.2: by half of both and the gap, to the right as the text is read.
+    """
+    space = document.modelspace()
+    moved = [np.zeros(2) for _ in space.query("TEXT")]
+    for dimension in space.query("DIMENSION"):
+        for one in dimension.virtual_entities():  # type: ignore[attr-defined]
+            if isinstance(one, (Text, MText)):
+                width = max(box_of(one)[1])
+                length = dimension.dxf.defpoint2.vec2.distance(dimension.dxf.defpoint3.vec2)
+                gap = document.dimstyles.get(dimension.dxf.dimstyle).dxf.dimgap
+                turn = math.radians(
+                    one.get_rotation() if isinstance(one, MText) else one.dxf.rotation
+                )
+                way = (width + length) / 2 + gap if width > length else 0.0
+                moved.append(way * np.array([math.cos(turn), math.sin(turn)]))
+    return moved
+
+
+def covering(document: Drawing) -> list[tuple[str, str]]:
+    """Pairs of texts that cover each other, where they stand and where LibreCAD puts them."""
+    texts = shown_texts(document)
+    drawn, moved = [box_of(text) for text in texts], moved_by_librecad(document)
+    middle = np.array([box[0] for box in drawn])
+    scale = float(np.ptp(middle, axis=0).max()) or 1.0
+    words = [str(getattr(text, "text", "") or text.dxf.text) for text in texts]
+    found = []
+    for share in (0.0, 1.0):
+        boxes = []
+        for ((x, y), (w, h), turn), (east, north) in zip(drawn, moved, strict=True):
+            # OpenCV computes in single precision
+            near = x + share * east - middle[0, 0], y + share * north - middle[0, 1]
+            boxes.append(((near[0] / scale, near[1] / scale), (w / scale, h / scale), turn))
+        found += [
+            (words[i], words[j])
+            for i in range(len(boxes))
+            for j in range(i)
+            if overlap(boxes[i], boxes[j]) > SLIGHT
+        ]
+    return found
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_text_covers_another(seed: int, tmp_path: Path) -> None:
+    write_local_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf")
+
+    assert covering(readfile(tmp_path / "random.dxf")) == []
+
+
+@pytest.mark.parametrize("write", [write_local_dxf, write_map_dxf])
+def test_no_text_of_a_whole_survey_covers_another(
+    features: Features, write: Callable[[Features, Path], None], tmp_path: Path
+) -> None:
+    write(features, tmp_path / "survey.dxf")
+    document = readfile(tmp_path / "survey.dxf")
+
+    assert len(shown_texts(document)) > 20
+    assert covering(document) == []
+
+
+def drawn_of(document: Drawing) -> dict[str, tuple[Floats, Floats]]:
+    """By each text what it names, (k, 2) ends or the place of a point, and its corners (4, 2)."""
+    space = document.modelspace()
+    named: dict[str, Floats] = {}
+    for insert in space.query("INSERT"):
+        named[insert.get_attrib_text("LABEL")] = np.array([insert.dxf.insert.vec2])  # type: ignore[attr-defined]
+    for dimension in space.query("DIMENSION"):
+        ends = dimension.dxf.defpoint2.vec2, dimension.dxf.defpoint3.vec2
+        named[dimension.dxf.text] = np.array(ends)
+    return {
+        words: (named[words], np.asarray(cv2.boxPoints(box_of(text)), np.float64))
+        for text in shown_texts(document)
+        if (words := str(getattr(text, "text", "") or text.dxf.text)) in named
+    }
+
+
+def letters_apart(document: Drawing) -> Floats:
+    """From each text to the nearest point of what it names, in heights of its letters."""
+    height = document.dimstyles.get("UAVGRAM").dxf.dimtxt
+    share = np.linspace(0.0, 1.0, 501)[:, None]
+    found = []
+    for ends, corners in drawn_of(document).values():
+        line = (1 - share) * ends[0] + share * ends[-1] if len(ends) > 1 else ends
+        outline = corners.astype(np.float32)
+        inside = [cv2.pointPolygonTest(outline, at, measureDist=True) for at in line.tolist()]
+        found.append(max(-max(inside), 0.0) / height)
+    return np.array(found)
+
+
+MOST_LETTERS = 15.0
+
+
+@pytest.mark.parametrize("seed", range(100, 106))
+def test_no_text_is_far_from_what_it_names(seed: int, tmp_path: Path) -> None:
+    write_local_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf")
+
+    assert letters_apart(readfile(tmp_path / "random.dxf")).max() < MOST_LETTERS
+
+
+def test_a_net_of_lengths_between_all_points_keeps_its_texts(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    place = np.column_stack([rng.uniform(size=(14, 2)) * [90.0, 25.0], np.zeros(14)])
+    pairs = np.array([(i, j) for i in range(14) for j in range(i)])
+    survey = random_survey(rng)
+    layers = tuple(
+        _lengths(place, pairs) if one.name == "known_lengths" else one for one in survey.layers
+    )
+    write_local_dxf(replace(survey, layers=layers), tmp_path / "net.dxf")
+    document = readfile(tmp_path / "net.dxf")
+
+    assert len(document.modelspace().query('DIMENSION[layer=="KNOWN_LENGTHS"]')) == len(pairs)
+    assert covering(document) == []
+    assert letters_apart(document).max() < MOST_LETTERS
+
+
+def test_a_line_leads_to_a_label_that_is_not_beside_its_point(tmp_path: Path) -> None:
+    survey = random_survey(np.random.default_rng(1))
+    points = survey.layer("points")
+    together = replace(points, vertices_m=tuple(np.zeros((1, 3)) for _ in points.vertices_m))
+    many = replace(survey, layers=(_nothing(), _nothing("measured_lines"), together))
+    write_local_dxf(many, tmp_path / "crowd.dxf")
+    document = readfile(tmp_path / "crowd.dxf")
+    lines = document.modelspace().query('LINE[layer=="LABELS"]')
+
+    assert covering(document) == []
+    assert len(lines) > 0
+    assert {tuple(line.dxf.start) for line in lines} == {(0.0, 0.0, 0.0)}
+
+
+CODES = [
+    "%%d 20%%",
+    r"\U+0041",
+    "a^Ib",
+    "{x}",
+    r"C:\P1",
+    "<> [] a<>",
+    "50%%%",
+    "a\tb",
+]
+
+
+def test_names_that_look_like_codes_are_read_as_they_are(tmp_path: Path) -> None:
+    count = len(CODES)
+    place = np.column_stack([10.0 * np.arange(count), np.zeros((count, 2))])
+    pairs = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+    survey = random_survey(np.random.default_rng(5))
+    points = survey.layer("points")
+    attributes = {key: (values[0],) * count for key, values in points.attributes.items()}
+    known = _lengths(place, pairs)
+    layers = (
+        replace(known, attributes={**known.attributes, "name": tuple(CODES[1:])}),
+        _nothing(),
+        _nothing("measured_lines"),
+        replace(
+            points,
+            vertices_m=tuple(place[:, None]),
+            attributes={**attributes, "label": tuple(CODES)},  # type: ignore[dict-item]
+        ),
+    )
+    write_local_dxf(replace(survey, layers=layers, name=CODES[0]), tmp_path / "codes.dxf")
+    document, _ = recover.readfile(tmp_path / "codes.dxf")  # decodes as programs do
+    space = document.modelspace()
+    shown = [name.replace("\t", " ") for name in CODES]
+
+    assert [text.plain_text() for text in space.query('TEXT[layer=="LABELS"]')] == shown  # type: ignore[attr-defined]
+    hidden = [insert.get_attrib("LABEL").plain_text() for insert in space.query("INSERT")]  # type: ignore[attr-defined]
+    assert hidden == shown
+    (note,) = space.query('TEXT[layer=="NOTES"]')
+    assert note.plain_text().startswith(f"{CODES[0]}: ")  # type: ignore[attr-defined]
+    dimensions = [
+        one.plain_text()
+        for dimension in space.query("DIMENSION")
+        for one in dimension.virtual_entities()  # type: ignore[attr-defined]
+        if isinstance(one, MText)
+    ]
+    assert dimensions == [f"{name}: 10.000 ±0.010 m (known)" for name in shown[1:]]

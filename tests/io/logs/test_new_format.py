@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.io.logs.build import Table, build_log
-from uavgram.io.logs.quality.boots import StatedResets
-from uavgram.io.logs.topics import Messages, Row, Topic
-from uavgram.model.flight.log import FlightLog
+from uavgram.io.logs.boots import StatedResets, Table, build_log
+from uavgram.io.logs.messages import Messages, Row, Topic
+from uavgram.model.flight_log import FlightLog
 
 FIELDS = {
     "place": ("lat_e7", "lon_e7", "alt_cm", "above_home_cm"),

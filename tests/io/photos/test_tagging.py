@@ -15,12 +15,11 @@ import tagged_jpeg
 from uavgram.errors import InputError
 from uavgram.geometry.motion.camera_motion import nadir_from_gimbal
 from uavgram.io.exports.photogrammetry import write_geo_txt, write_pix4d_csv
-from uavgram.io.photos.exif_insertion import insert_exif
 from uavgram.io.photos.metadata import DJI, parse_jpeg, read_exif_place, read_xmp
-from uavgram.io.photos.poses.pose_tables import read_geo_txt
-from uavgram.io.photos.poses.tags import read_photo_tags
-from uavgram.io.photos.tagging import ExifGps, TiffError, set_gps, write_tagged_photo
-from uavgram.model.flight.pose import GeoTags
+from uavgram.io.photos.pose_tables import read_geo_txt
+from uavgram.io.photos.pose_tags import read_photo_tags
+from uavgram.io.photos.tagging import ExifGps, TiffError, insert_exif, set_gps, write_tagged_photo
+from uavgram.model.frames import GeoTags
 
 
 def make_tags(

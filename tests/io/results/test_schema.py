@@ -12,8 +12,8 @@ from schema_faults import faults_of
 from uavgram.io.results.results_json import dump_results
 from uavgram.io.results.schema import dump_schema, results_schema, schema_of
 from uavgram.model.message import Correction, Message, Remedy
+from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict
 
 
 def test_the_file_in_the_package_is_the_generated_one() -> None:

@@ -23,10 +23,9 @@ from uavgram.io.tables.csv_tables import (
     read_table,
     unguard_formula,
 )
-from uavgram.io.tables.rewrite import create_table
-from uavgram.io.tables.updates import create_picks
+from uavgram.io.tables.updates import create_picks, create_table
 from uavgram.model.limits import UNSHOWABLE, find_unshowable
-from uavgram.model.survey.observations import ImportedPicks
+from uavgram.model.observations import ImportedPicks
 
 Read = Callable[[str | bytes], Table]
 ReadOwn = Callable[[str], Table]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.observations import MeasurementKind
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
 from uavgram.picking.document.errors import RefusedError

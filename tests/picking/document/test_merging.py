@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavgram.io.tables.measure import REPEATED_POINT_KINDS, points_fault
-from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
+from uavgram.model.observations import MeasurementKind, MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.history import Session, apply, apply_change

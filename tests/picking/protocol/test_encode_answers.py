@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.picking.document.commands import Place, Snap, Ties
 from uavgram.picking.protocol.encode_answers import snap_json, ties_json
 from uavgram.pipeline.pick.places import ExpectedPlace

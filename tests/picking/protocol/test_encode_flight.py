@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
+from uavgram.model.flight_log import Track
 from uavgram.picking.protocol.encode_flight import MAX_VERTICES, cut_track
 
 

@@ -9,11 +9,10 @@ import pytest
 import synthetic_survey as survey
 from standings import with_status
 
-from uavgram.model.camera.calibration import PARAMETER_NAMES
-from uavgram.model.result.reliability import WeakestLinks
+from uavgram.model.camera import PARAMETER_NAMES
+from uavgram.model.result.reliability import Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineStatus, PickStatus
-from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.picking.protocol.encode_statuses import (
     describe_unchecked,
     describe_undetectable,

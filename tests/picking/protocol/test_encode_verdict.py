@@ -9,8 +9,8 @@ import synthetic_survey as survey
 from standings import with_status
 
 from uavgram.model.message import Correction, Message, Remedy
+from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.picking.document.state import Line, State, make_observations
 from uavgram.picking.protocol.encode_remarks import Remarks
 from uavgram.picking.protocol.encode_verdict import (

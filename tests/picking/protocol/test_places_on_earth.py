@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from pyproj import Geod
 
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import World
+from uavgram.model.observations import MeasurementRequest
+from uavgram.model.survey import World
 from uavgram.picking.protocol.encode_places import places_on_earth
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.commands import SideView
 from uavgram.picking.protocol.encode_answers import side_json
 from uavgram.picking.protocol.encode_survey import Json, adjusted_json, linearised_json

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.picking.document.commands import Place
 from uavgram.picking.session.picked_targets import PickedTargets

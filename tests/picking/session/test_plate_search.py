@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from plate_pictures import photo_of, plate_samples, quad
 
-from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.imaging.plates.families import read_cells
+from uavgram.imaging.photos.cache import GreyPhotos
+from uavgram.imaging.plates import read_cells
 from uavgram.imaging.raster import Image
-from uavgram.io.photos.board_photos import read_grey
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.io.photos.catalogue import read_grey
+from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import BY_HAND, make_accept_command
 from uavgram.picking.document.state import State

@@ -15,11 +15,11 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason
-from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, Matches, RefusalReason
+from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.session import point_search as module

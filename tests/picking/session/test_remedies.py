@@ -16,7 +16,7 @@ from hostile_faults import Fault, Sound
 from hostile_project import write_project
 from hostile_surveys import make_survey
 
-from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.result.reliability import VerdictLevel
 from uavgram.picking.document.commands import All
 from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import State, make_observations, make_state

@@ -10,7 +10,7 @@ import pytest
 from pick_pages import PROJECT, Server, small_project
 
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.io.locks import LOCK
+from uavgram.io.outputs import LOCK
 from uavgram.picking.session.outputs import FILES, RECORDING, RESULTS, Outputs
 from uavgram.picking.storage.journal import JOURNAL
 from uavgram.picking.storage.set_aside import find_oldest

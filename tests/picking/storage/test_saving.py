@@ -16,7 +16,7 @@ import pytest
 from pick_pages import Page, RefusedToStartError, Server, running, small_project
 
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.io.locks import LOCK, ProjectLock
+from uavgram.io.outputs import LOCK, ProjectLock
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply

@@ -11,7 +11,7 @@ from own_loop import run_alone
 from starlette.applications import Starlette
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.tone import Tone
+from uavgram.imaging.photos.preview import Tone
 from uavgram.picking.session.project import OpenProject
 from uavgram.picking.web.routes import file_routes
 

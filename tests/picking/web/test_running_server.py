@@ -18,7 +18,7 @@ import pytest
 from pick_pages import LONGEST_WAIT_S, Server, ask, entry_by, entry_of, running, small_project
 
 from uavgram.cli import main
-from uavgram.io.locks import LOCK, is_locked
+from uavgram.io.outputs import LOCK, is_locked
 from uavgram.picking.web.guard import MAX_OPEN, Tokens
 from uavgram.picking.web.running_server import PATH, ServerAddress, request_address, servers_folder
 
@@ -182,7 +182,7 @@ def test_a_page_is_found_where_the_system_cannot_lock_files(
     def refuse(_: int) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("uavgram.io.locks.lock", refuse)
+    monkeypatch.setattr("uavgram.io.outputs.lock", refuse)
     fresh = request_address(project)
 
     assert fresh is not None

@@ -10,7 +10,7 @@ from pick_pages import LONGEST_WAIT_S, Page, ask, entry_by, small_project
 from websockets import Origin
 from websockets.sync.client import connect
 
-from uavgram.io.locks import LOCK, is_locked
+from uavgram.io.outputs import LOCK, is_locked
 from uavgram.picking.session.project import OpenProject
 from uavgram.picking.web import serving
 from uavgram.picking.web.tabs import Tabs

@@ -10,8 +10,8 @@ from pick_pages import small_project
 from uavgram.config.project import load_project
 from uavgram.config.project_text import apply_settings
 from uavgram.errors import InputError
-from uavgram.io.discovery import PhotoFolder
-from uavgram.model.camera.board import CalibrationOptions
+from uavgram.io.folders import PhotoFolder
+from uavgram.model.board import CalibrationOptions
 from uavgram.pipeline.cameras import calibrate as calibrate_nearby
 from uavgram.pipeline.cameras.calibrate import calibrate_folder, find_board_folders, use_camera
 

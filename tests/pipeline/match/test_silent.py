@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.match.search import _mark_uninformative
 from uavgram.stages.match import CONTRADICTED, Candidates, Found, Missed, Pair, Record

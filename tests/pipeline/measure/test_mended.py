@@ -17,7 +17,7 @@ from uavgram.io.results.results_json import load_results, write_results
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
-from uavgram.model.survey.corrections import Cause, Ends, SurveyCorrection
+from uavgram.model.survey import Cause, Ends, SurveyCorrection
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.observations import apply_corrections

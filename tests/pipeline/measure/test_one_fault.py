@@ -11,7 +11,7 @@ import pytest
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
-from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.demo import write_demo
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.survey import simulate
 

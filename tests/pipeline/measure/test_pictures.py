@@ -12,7 +12,7 @@ import pytest
 import synthetic_survey as survey
 
 from uavgram.imaging.photos.preview import make_preview_of_decoded, read_preview
-from uavgram.io.digest import photo_files
+from uavgram.io.files import photo_files
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure import pictures
 from uavgram.pipeline.measure.pictures import ReportPictures

@@ -12,8 +12,8 @@ from hostile_project import write_project
 from hostile_surveys import make_survey
 
 from uavgram.io.results.results_json import load_results, write_results
+from uavgram.model.observations import Picks
 from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 

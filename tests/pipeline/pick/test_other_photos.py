@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import KnownPoints
+from uavgram.model.observations import KnownPoints
 from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
 from uavgram.pipeline.pick.places import KnownPlaces, predict_known_places
 

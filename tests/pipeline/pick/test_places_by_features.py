@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.picking.document.state import Pick, State, make_observations
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.pick.places_by_features import FeaturePlaces, fit_local_map

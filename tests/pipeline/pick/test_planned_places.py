@@ -13,7 +13,7 @@ from planned_sample import sample_plan, sample_plates
 from scipy.stats import chi2
 
 from uavgram.errors import InputError
-from uavgram.io.results.plan_json import write_plan
+from uavgram.io.results.command_json import write_plan
 from uavgram.model.planned import FlightPlanned, PlannedSite
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey

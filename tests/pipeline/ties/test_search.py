@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tied_photos import CAMERA, epipolar, flight, write_photos
 
-from uavgram.model.flight.pose import Poses
+from uavgram.model.frames import Poses
 from uavgram.pipeline.ties import Scene, TieSearch, find_ties
 
 

@@ -18,14 +18,14 @@ from uavgram.estimation.calibration.adjustment import UndeterminedError
 from uavgram.estimation.calibration.outliers import CleanedFit
 from uavgram.estimation.calibration.problem import Corners, Lens, State
 from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
-from uavgram.model.camera.board import (
+from uavgram.model.board import (
     BoardObservations,
     CalibrationOptions,
+    CalibrationResult,
     IntrinsicsPrior,
     LensSetting,
     flat_board,
 )
-from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.stages.calibrate import model_choice as choice
 from uavgram.stages.calibrate.calibrate import calibrate
 

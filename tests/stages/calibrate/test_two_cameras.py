@@ -16,7 +16,7 @@ from uavgram.estimation.calibration.reliability import compute_photo_tests, esti
 from uavgram.estimation.calibration.two_cameras import find_best_split
 from uavgram.estimation.calibration.validation import HeldOut
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions
+from uavgram.model.board import BoardObservations, CalibrationOptions
 from uavgram.stages.calibrate import two_cameras
 from uavgram.stages.calibrate.assessment import AssessedCalibration
 from uavgram.stages.calibrate.calibrate import calibrate

@@ -15,12 +15,11 @@ import yaml
 
 from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
-from uavgram.io.cameras.choice import read_drone_cameras
-from uavgram.io.photos.camera_tags import read_camera_tags
+from uavgram.io.cameras import read_drone_cameras
+from uavgram.io.photos.metadata import read_camera_tags
+from uavgram.model import camera as calibration
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import calibration
-from uavgram.model.camera.calibration import AssumedErrors, Calibration, assumed_covariance
-from uavgram.model.camera.tags import CameraTags
+from uavgram.model.camera import AssumedErrors, Calibration, CameraTags, assumed_covariance
 from uavgram.model.message import Message
 from uavgram.stages.camera import assume_camera
 
@@ -261,7 +260,7 @@ def test_a_fisheye_is_never_taken_for_a_perspective_lens(
 
 
 def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Path) -> None:
-    """The evidence that model/camera/calibration.py names, from the files themselves."""
+    """The evidence that model/camera.py names, from the files themselves."""
     shares, offsets = [], []
     for folder, photo in (
         ("phantom3_lenscalib", "DJI_0002.jpg"),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.result.shared import CameraUpdate, Estimate, compare_cameras
+from uavgram.model.camera import Calibration
+from uavgram.model.result.result import CameraUpdate, Estimate, compare_cameras
 from uavgram.stages.camera import report_learnt_camera
 
 VALUE = np.array([2300.0, 2300, 2000, 1500, 0, 0, 0, 0, 0])

@@ -18,19 +18,14 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.board import OutlierRule
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import Track
+from uavgram.model.board import OutlierRule
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message
+from uavgram.model.observations import KnownLines, KnownWorldPoints, MeasurementRequest, Picks
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall
-from uavgram.model.survey.observations import (
-    KnownLines,
-    KnownWorldPoints,
-    MeasurementRequest,
-    Picks,
-)
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.judge import (
     compare_withheld,
     judge_groups,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from uavgram.model.observations import Source
 from uavgram.model.result.tables import (
     MeasurementResults,
     PickResults,
@@ -14,7 +15,6 @@ from uavgram.model.result.tables import (
     count_picks_by_source,
     find_sources,
 )
-from uavgram.model.survey.observations import Source
 from uavgram.stages.judge import judge_makers
 
 MADE: tuple[tuple[str, Source, PickStatus], ...] = (

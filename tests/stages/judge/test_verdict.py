@@ -16,12 +16,11 @@ from uavgram.model.arrays import Ints
 from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Message, Remedy
+from uavgram.model.observations import KnownLines, KnownWorldPoints, MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.result.reliability import Noise, PickNoise
+from uavgram.model.result.reliability import MeasurementStatus, Noise, PickNoise, Verdict
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus, Verdict
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
 from uavgram.stages.judge.fit import compute_fit
 from uavgram.stages.judge.statuses import is_moved

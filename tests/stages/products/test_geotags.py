@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import GeoTags, Poses
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.frames import GeoTags, Poses
+from uavgram.model.survey import Geodetic, World
 from uavgram.stages.products.geotags import geotag
 
 WORLD = World(origin=Geodetic(-33.7, 151.3, 2.0), height_datum="msl", gauge="world")

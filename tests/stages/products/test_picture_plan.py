@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import synthetic_survey as survey
 
-from uavgram.model.result.pictures import Region
-from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import Source
+from uavgram.model.observations import Source
+from uavgram.model.result.result import Region, Result
 from uavgram.stages.products import picture_plan as module
 from uavgram.stages.products.picture_plan import picture_plan
 

@@ -10,7 +10,7 @@ from scenes import Scene
 
 from uavgram.model.arrays import Ints
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 2, "spread": 6.0, "tilt": 0.2}

@@ -11,7 +11,7 @@ from scenes import Scene
 from uavgram.estimation.first_poses.homography import find_second_pose
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import minima
 from uavgram.stages.refine.first_values import find_doubtful_frames, find_first_values
 from uavgram.stages.refine.minima import Participants, find_best_minima

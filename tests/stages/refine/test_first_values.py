@@ -14,10 +14,9 @@ from scipy.spatial.transform import Rotation
 from uavgram.errors import GeometryError
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
-from uavgram.model.flight.log import Track
+from uavgram.model.flight_log import Track
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey import Sightings, Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.first_values import find_first_values
 

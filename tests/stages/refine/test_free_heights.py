@@ -10,7 +10,7 @@ from scenes import make_scene
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.estimation.survey.departures import compute_heights
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.first_values import NO_HEIGHT
 

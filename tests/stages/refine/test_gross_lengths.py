@@ -15,9 +15,9 @@ from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
+from uavgram.model.flight_log import Track
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import minima, readjustment, refine
 from uavgram.stages.refine.staged_sigmas import iterate
 

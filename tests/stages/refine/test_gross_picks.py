@@ -12,7 +12,7 @@ from place_only_scenes import PlaceOnly, place_only
 from uavgram.estimation.reliability.data_snooping import find_suspicions
 from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.model.options import GroundOptions, SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings
 

@@ -16,8 +16,7 @@ from uavgram.estimation.survey.observations.ground import ThirdCoordinate
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import GroundConstraints
+from uavgram.model.survey import GroundConstraints, Survey
 from uavgram.stages.refine.ground_from_ties import (
     OTHER_OBJECT_M,
     _ground_constraints,

@@ -10,9 +10,9 @@ import pytest
 from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
+from uavgram.model.observations import KnownThing
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
 
 REPORT, REMOVE = SolveOptions(noise="stated"), SolveOptions(outliers="remove", noise="stated")
@@ -39,7 +39,7 @@ def scene_with(off: dict[str, float], *, telemetry: bool = True) -> Scene:
     things = []
     for i, (name, (kind, given)) in enumerate(THINGS.items()):
         label = in_order(scene, given) if kind == "area" else given
-        value = float(getattr(shapes, kind)(scene.world[list(label)])[0])
+        value = float(getattr(measurements, kind)(scene.world[list(label)])[0])
         value = float(np.rad2deg(value)) if kind == "angle" else value
         sigma = 0.1 if kind in ("angle", "area") else 0.02
         value += sigma * rng.normal() + off.get(name, 0.0)

@@ -11,9 +11,9 @@ from scenes import make_scene
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
+from uavgram.model.observations import KnownThing
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
 
 STATED = SolveOptions(noise="stated")
@@ -89,7 +89,7 @@ def test_photos_that_see_less_join_the_one_that_is_placed_by_known_things() -> N
             name=f"angle {k}",
             kind="angle",
             label=corner,
-            value=float(np.degrees(shapes.angle(scene.world[list(corner)])[0])),
+            value=float(np.degrees(measurements.angle(scene.world[list(corner)])[0])),
             sigma=0.2,
         )
         for k, corner in enumerate(corners)

@@ -19,7 +19,7 @@ from uavgram.model.result.reliability import (
     PickNoise,
     SurfaceShape,
 )
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.noise import report_noise
 

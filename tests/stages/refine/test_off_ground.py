@@ -21,7 +21,7 @@ from uavgram.estimation.survey.departures import compute_heights
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.result import Result
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.messages import order_messages

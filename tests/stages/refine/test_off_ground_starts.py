@@ -14,7 +14,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import find_seen_lines
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.first_values import find_first_values
 

@@ -14,7 +14,7 @@ from uavgram.estimation.measuring.transferred_pixels import (
     transfer_pixels,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 from uavgram.stages.refine.readjustment import MorePicks, add_picks, readjust
 

@@ -12,11 +12,11 @@ from scenes import Scene
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 REPORT, REMOVE = SolveOptions(), SolveOptions(outliers="remove")
@@ -148,7 +148,7 @@ def test_telemetry_alone_without_any_line(scene_factory: Callable[..., Scene]) -
     assert messages == ()
     assert "lengths" not in refined.adjustment.minimum.blocks
     world, covariance = refined.adjustment.joint_points(np.array([0, 9]))
-    value, gradient = shapes.distance(world)
+    value, gradient = measurements.distance(world)
     sigma = np.sqrt(gradient.ravel() @ covariance @ gradient.ravel())
     assert abs(value - true_distances(scene)[0, 9]) < 4 * sigma < 0.3 * value
 
@@ -256,7 +256,7 @@ def test_distances_and_their_sigmas_do_not_depend_on_the_gauge(
     for each in (survey, other):
         adjustment = refine(each, REPORT)[0].adjustment
         world, covariance = adjustment.joint_points(np.array([0, 9]))
-        value, gradient = shapes.distance(world)
+        value, gradient = measurements.distance(world)
         found.append((value, float(np.sqrt(gradient.ravel() @ covariance @ gradient.ravel()))))
     assert found[0][0] == pytest.approx(found[1][0], abs=1e-4 * found[0][1])
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-4)

@@ -35,7 +35,7 @@ from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import annealing, robust
 from uavgram.stages.refine.annealing import NEARLY_NONE
 from uavgram.stages.refine.minima import Participants, find_best_minima

@@ -15,10 +15,10 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.tags import Readout
-from uavgram.model.flight.pose import CandidatePoses
+from uavgram.model.camera import Readout
+from uavgram.model.frames import CandidatePoses
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import RollingShutter, Survey
+from uavgram.model.survey import RollingShutter, Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.rolling_shutter import (
     RATE_RAD_S,

@@ -14,9 +14,9 @@ from uavgram.estimation.first_poses import known_frames
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
-from uavgram.io.cameras.choice import read_drone_cameras
-from uavgram.model.camera.tags import CameraTags
-from uavgram.model.survey.survey import Survey
+from uavgram.io.cameras import read_drone_cameras
+from uavgram.model.camera import CameraTags
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import assemble
 from uavgram.stages.camera import assume_camera

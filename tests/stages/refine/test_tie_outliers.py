@@ -13,7 +13,7 @@ from hostile_project import tie_picks, write_project
 from hostile_surveys import HostileSurvey, make_survey
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 

@@ -13,7 +13,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.ties import NO_SIGHTINGS
+from uavgram.model.survey import NO_SIGHTINGS
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.tied_frames import add_tied_frames
 

@@ -9,8 +9,8 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
+from uavgram.model.observations import KnownThing
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
 
 STATED = SolveOptions(noise="stated")

@@ -13,10 +13,10 @@ from scipy.stats import chi2
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import PhotoExposures
+from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.options import GroundOptions, SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings
 

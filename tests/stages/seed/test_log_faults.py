@@ -13,8 +13,8 @@ from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import Boot, FlightEvidence, LogFault, Track
+from uavgram.model.flight_log import Boot, FlightEvidence, LogFault, Track
+from uavgram.model.frames import Frames
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_effects import free_priors, report_faults

@@ -10,7 +10,7 @@ import pytest
 from scenes import INTRINSICS, Scene, cv_pixels, look_down
 from scipy.spatial.transform import Rotation
 
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.seed.mount import find_turned_mount
 
 

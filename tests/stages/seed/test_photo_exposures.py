@@ -11,11 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import UavgramError
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
-from uavgram.geometry.motion.telemetry_pose import exposures_by_time
+from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.geometry.motion.camera_motion import exposures_by_time
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
+from uavgram.model.frames import Frames, PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed import seed

@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import Telemetry
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import Frames, Telemetry
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed import nominal_mount, seed
 

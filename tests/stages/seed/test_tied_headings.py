@@ -11,9 +11,9 @@ from scenes import cv_pixels
 
 from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import PhotoExposures
+from uavgram.model.frames import PhotoExposures
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey import Sightings
 from uavgram.stages.refine.refine import refine
 from uavgram.stages.seed.headings import (
     find_attitudes_by_ties,

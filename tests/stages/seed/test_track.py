@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     BootClock,

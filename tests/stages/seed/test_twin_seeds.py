@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation, Slerp
 from scipy.stats import chi2
 
 from uavgram.config.project import load_project
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import Telemetry
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import Telemetry
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.track import build_track, find_home
 from uavgram.stages.synchronise import synchronise

@@ -10,12 +10,12 @@ import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import ENU_FROM_NED, exp_so3
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.log import FlightLog
+from uavgram.model.flight_log import FlightLog
+from uavgram.model.frames import Photos
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise import synchronise
 from uavgram.stages.synchronise.boots import usable_boots

@@ -12,8 +12,7 @@ from uavgram.errors import UavgramError
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Photos, TimeSource
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     CameraEvents,
@@ -21,6 +20,7 @@ from uavgram.model.flight.log import (
     FlightLog,
     PositionSamples,
 )
+from uavgram.model.frames import Photos, TimeSource
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise import synchronise
 from uavgram.synthetic.scenario import Scenario

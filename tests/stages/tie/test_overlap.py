@@ -9,7 +9,7 @@ import pytest
 from tied_photos import CAMERA, DOWN, FOCAL_PX, flight
 
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import Poses
+from uavgram.model.frames import Poses
 from uavgram.stages.tie.overlap import Seen, overlap, pairs_of, predict
 
 

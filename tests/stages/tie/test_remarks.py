@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.model.survey import NO_TIES, TiePicks
 from uavgram.stages.tie.remarks import remarks
 
 

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from streets.street import Street
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import SimulatedLog
+from uavgram.model.flight_log import SimulatedLog
 
 Seeds = Literal["log", "csv", "places", "times", "none"]
 """What says where the photos were taken: a log, a table of poses, one of places only, nothing but

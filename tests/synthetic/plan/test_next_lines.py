@@ -10,10 +10,10 @@ import pytest
 
 from uavgram.model.planned import NextLines
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
-from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.next_lines import find_next_lines_of_inputs
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.simulate import predict_sigmas
+from uavgram.synthetic.survey import ScenarioWorld
 
 HERE = Path("project.yaml")
 

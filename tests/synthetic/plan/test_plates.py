@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 from plan_scenes import plan_case
 
-from uavgram.io.results.plan_json import read_plan, write_plan
+from uavgram.io.results.command_json import read_plan, write_plan
 from uavgram.model.naming import Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.accuracy import list_ends
-from uavgram.synthetic.plan.cameras import VisiblePoints, remove_small_plates
+from uavgram.synthetic.plan.flights import VisiblePoints, remove_small_plates
 from uavgram.synthetic.plan.layouts import find_best_layout
-from uavgram.synthetic.plan.possible import compute_possible
-from uavgram.synthetic.plan.run import plan
-from uavgram.synthetic.plan.survey import predict_values
+from uavgram.synthetic.plan.plan import plan
+from uavgram.synthetic.plan.survey import compute_possible, predict_values
 from uavgram.synthetic.scenario import PlateSpec, Scenario
 from uavgram.synthetic.scenario_file import format_scenario, load_scenario
 from uavgram.synthetic.simulate import predict_sigmas
+from uavgram.synthetic.survey import ScenarioWorld
 from uavgram.views.field_sheet import field_sheet
 from uavgram.views.flight_plan_text import plan_lines
 

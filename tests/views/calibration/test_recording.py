@@ -11,8 +11,7 @@ from calibration_accounts import make_account, make_previews
 from rerun.chunk import Chunk, RrdReader
 
 from uavgram.errors import OutputError
-from uavgram.model.camera.board import CalibrationOptions
-from uavgram.model.camera.calibration_result import CalibrationAccount
+from uavgram.model.board import CalibrationAccount, CalibrationOptions
 from uavgram.views.calibration.drawing_rules import residual_factor
 from uavgram.views.calibration.recording.write import write_calibration_recording
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from calibration_accounts import make_account, make_previews
 
-from uavgram.model.camera.board import CalibrationOptions
-from uavgram.model.camera.calibration_result import CalibrationAccount
+from uavgram.model.board import CalibrationAccount, CalibrationOptions
 from uavgram.views.calibration import maps as calibration_maps
 from uavgram.views.calibration.drawing_rules import tilt_directions, uncertainty_shares
 from uavgram.views.calibration.report import render_calibration_report

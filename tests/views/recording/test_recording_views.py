@@ -19,8 +19,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import AreaPlane, Estimate
+from uavgram.model.result.result import AreaPlane, Estimate, Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves import frame_curves, pose_curves

@@ -11,8 +11,8 @@ import synthetic_survey as survey
 from recording_contents import Contents
 from standings import with_status
 
+from uavgram.model.result.reliability import Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict, VerdictLevel
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.pages import measured_page, summary
 from uavgram.views.recording.scene import measure_scene

@@ -8,7 +8,7 @@ import numpy as np
 import synthetic_survey as survey
 from scipy.spatial.transform import Rotation
 
-from uavgram.model.result.shared import OrientationCorrelation
+from uavgram.model.result.result import OrientationCorrelation
 from uavgram.views.report import render_annex
 from uavgram.views.report.annex import lay_out_annex, omega_phi_kappa_deg
 

@@ -11,8 +11,8 @@ import synthetic_survey as survey
 from html_page import Page
 
 from uavgram.model.provenance import case_from_options
+from uavgram.model.result.reliability import MeasurementStatus
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.report.brief import (

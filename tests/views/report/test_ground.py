@@ -11,10 +11,9 @@ import pytest
 import synthetic_survey as survey
 from PIL import Image
 
-from uavgram.imaging.photos.tone import IDENTITY_TONE
-from uavgram.imaging.top_view.ground_picture import MOST_PX, cut_ground
-from uavgram.imaging.top_view.mosaic import GroundTexture
-from uavgram.model.result.pictures import NO_PICTURES
+from uavgram.imaging.photos.preview import IDENTITY_TONE
+from uavgram.imaging.top_view.mosaic import MOST_PX, GroundTexture, cut_ground
+from uavgram.model.result.result import NO_PICTURES
 from uavgram.views.report import ground_extent, render_report
 from uavgram.views.survey.top_view import top_view
 

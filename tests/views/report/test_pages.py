@@ -19,9 +19,8 @@ from uavgram.errors import UavgramError
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest
-from uavgram.model.result.pictures import GroundPicture, Picture, Pictures
-from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.model.result.reliability import Reason, Verdict
+from uavgram.model.result.result import GroundPicture, Picture, Pictures, Result
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import check_pdf, ground_extent, render_report, report_pdf
 

@@ -18,11 +18,10 @@ from html_page import Page
 from numbers_told import agree
 
 from uavgram.io.results.results_json import write_results
+from uavgram.model.observations import Source
 from uavgram.model.provenance import InputDigest
-from uavgram.model.result.pictures import Picture, Pictures
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import Picture, Pictures, Result
 from uavgram.model.result.tables import LineStatus
-from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.formatting import measurement_text
 from uavgram.views.report import render_annex, render_report

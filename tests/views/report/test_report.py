@@ -17,8 +17,7 @@ from uavgram.estimation.measuring.error_budget import OTHER_SOURCES
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.io.results.results_json import dump_results
 from uavgram.model.message import Message
-from uavgram.model.result.reliability import RemovalRecord
-from uavgram.model.result.verdict import Verdict
+from uavgram.model.result.reliability import RemovalRecord, Verdict
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import annex_of, render_annex, render_report, write_report

@@ -9,13 +9,13 @@ from dataclasses import fields, replace
 import pytest
 import synthetic_survey as survey
 
-from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
+from uavgram.io.exports.web_maps import dump_geojson
 from uavgram.io.results.results_json import dump_verdict, load_verdict
 from uavgram.model.message import Message, Remedy
+from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.stages.products.map_layers import features_of
 from uavgram.views.formatting import format_with_sigma
 from uavgram.views.report.page import render_report

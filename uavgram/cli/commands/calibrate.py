@@ -65,7 +65,7 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     significance
         Probability of a false suspicion in photos without outliers.
     """
-    from uavgram.model.camera.board import CalibrationOptions
+    from uavgram.model.board import CalibrationOptions
     from uavgram.pipeline.cameras.calibrate import FOLDER
     from uavgram.pipeline.cameras.calibrate import calibrate as make
     from uavgram.views.calibration.text import calibration_lines

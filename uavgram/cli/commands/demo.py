@@ -9,7 +9,7 @@ from uavgram.cli.application import DONE, Seed, Verbose, app
 from uavgram.cli.terminal import log_to_stderr, print_lines, progress
 
 if TYPE_CHECKING:
-    from uavgram.model.camera.calibration import Calibration
+    from uavgram.model.camera import Calibration
     from uavgram.synthetic.scenario import Scenario
 
 

@@ -78,7 +78,7 @@ def _lacks_project(folder: Path) -> bool:
 
 def _find_present_folder() -> Path | None:
     """Return the present folder, if it holds a project or photos."""
-    from uavgram.io.browse import count_photos, find_home_and_drives
+    from uavgram.io.folders import count_photos, find_home_and_drives
 
     return Path() if count_photos(Path.cwd()).is_flight(find_home_and_drives()) else None
 

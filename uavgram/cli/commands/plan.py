@@ -69,8 +69,8 @@ def plan(
         Show the progress of the work.
     """
     from uavgram.model.naming import SHORT_FORMS
-    from uavgram.synthetic.plan.run import PlanOutputs, write_outputs
-    from uavgram.synthetic.plan.run import plan as plan_flight
+    from uavgram.synthetic.plan.plan import PlanOutputs, write_outputs
+    from uavgram.synthetic.plan.plan import plan as plan_flight
     from uavgram.views.flight_plan_text import next_line_lines, plan_lines
 
     log_to_stderr(verbose=verbose)

@@ -13,8 +13,8 @@ from uavgram.cli.terminal import log_to_stderr, print_lines, print_written_files
 from uavgram.errors import UavgramError
 
 if TYPE_CHECKING:
-    from uavgram.synthetic.inputs import World
     from uavgram.synthetic.simulate import SimulationRequest
+    from uavgram.synthetic.survey import World
 
 Repetitions = Annotated[int, Parameter(validator=validators.Number(gte=2, lte=100_000))]
 

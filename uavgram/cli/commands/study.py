@@ -39,7 +39,7 @@ def study(
     verbose
         Show the progress of the work.
     """
-    from uavgram.synthetic.study.run import JSON_FILE, PAGE_FILE, list_studies, make_studies
+    from uavgram.synthetic.study import JSON_FILE, PAGE_FILE, list_studies, make_studies
     from uavgram.views.study import describe_study
 
     log_to_stderr(verbose=verbose)

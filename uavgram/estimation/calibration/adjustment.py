@@ -29,7 +29,7 @@ from uavgram.estimation.solver.normal_equations import (
 )
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import parameter_names
+from uavgram.model.camera import parameter_names
 
 MIN_REDUCTION = 1e-14
 """Predicted reduction of the weighted sum of squares at which the rest is rounding."""

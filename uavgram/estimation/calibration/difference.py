@@ -18,11 +18,10 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.camera.projection import project_with_jacobian
+from uavgram.geometry.camera.projection import back_project_with_jacobian, project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 GRID_COLUMNS = 40
 _STEPS = 30

@@ -12,7 +12,7 @@ from uavgram.estimation.calibration.reliability import compute_corner_tests, com
 from uavgram.estimation.calibration.start import MIN_CORNERS
 from uavgram.estimation.reliability.variance_components import VarianceComponent, estimate_single
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.board import CalibrationOptions
+from uavgram.model.board import CalibrationOptions
 
 MAX_ADJUSTMENTS = 100
 """Largest number of adjustments after removal of corners and photos."""

@@ -17,7 +17,7 @@ import numpy as np
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.board import (
+from uavgram.model.board import (
     Board,
     BoardObservations,
     Bow,
@@ -25,12 +25,7 @@ from uavgram.model.camera.board import (
     IntrinsicsPrior,
     parameter_count,
 )
-from uavgram.model.camera.calibration import (
-    PARAMETER_NAMES,
-    Calibration,
-    LensModel,
-    parameter_names,
-)
+from uavgram.model.camera import PARAMETER_NAMES, Calibration, LensModel, parameter_names
 
 POSE_SIZE = 6
 """Number of unknowns of a photo."""

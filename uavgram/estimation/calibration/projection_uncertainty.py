@@ -13,12 +13,12 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.difference import compare_cameras, make_image_grid
-from uavgram.geometry.camera.back_projection import back_project_with_jacobian
+from uavgram.geometry.camera.projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_result import LengthUncertainty
+from uavgram.model.board import LengthUncertainty
+from uavgram.model.camera import Calibration
 
 _MAX_REWEIGHTINGS = 5
 

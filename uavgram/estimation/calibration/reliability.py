@@ -24,7 +24,7 @@ from uavgram.estimation.calibration.adjustment import Fit
 from uavgram.estimation.reliability.redundancy import compute_reliability
 from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import CornerSigma
+from uavgram.model.board import CornerSigma
 
 
 def estimate_common_error(residual_px: Floats, sigma_px: Floats, redundancy: float) -> float:

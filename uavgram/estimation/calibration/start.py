@@ -7,13 +7,9 @@ import numpy as np
 from uavgram.estimation.calibration.adjustment import UndeterminedError, fit_poses
 from uavgram.estimation.calibration.problem import Corners, Lens, State, linearise
 from uavgram.geometry.camera.projection import back_project
-from uavgram.geometry.ground.plane_pose import (
-    factor_homographies,
-    make_homography_rows,
-    mirror_plane,
-)
+from uavgram.geometry.ground.plane import factor_homographies, make_homography_rows, mirror_plane
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 MIN_CORNERS = 4
 """Smallest number of corners of a photo that determine its homography."""

@@ -28,7 +28,7 @@ from uavgram.estimation.clocks.clock_line import (
 )
 from uavgram.geometry.motion.interpolation import compute_running_median, make_running_windows
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.frames import PairStatus
+from uavgram.model.frames import PairStatus
 
 # Scatter of shutters about their events: behind a feedback pin a few milliseconds, behind a command
 # some 30 ms (86 to 147 ms of lag in ArduPilot's simulator). Estimated for each hypothesis between

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.geometry.earth.gps_time import DAY_S, MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
+from uavgram.geometry.gps_time import DAY_S, MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Boot, BootClock, ClockSamples
+from uavgram.model.flight_log import Boot, BootClock, ClockSamples
 from uavgram.model.message import Message
 
 # Measured autopilots ran 18 to 146 ppm off; a short log must not give more than that.

@@ -8,11 +8,10 @@ import numpy as np
 
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.survey.selection import replace_matches_by_picks
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey import Sightings, Survey
 
 MAX_RELATIVE_SIGMA = 0.1
 """Sigma of an intersection of rays, as a share of its distance, above which it has no meaning:

@@ -6,11 +6,7 @@ import numpy as np
 
 from uavgram.estimation.first_poses.pose_problem import make_ray_problem
 from uavgram.estimation.solver.batched import minimise_each
-from uavgram.geometry.ground.plane_pose import (
-    factor_homographies,
-    make_homography_rows,
-    mirror_plane,
-)
+from uavgram.geometry.ground.plane import factor_homographies, make_homography_rows, mirror_plane
 from uavgram.model.arrays import Floats
 
 Pose = tuple[Floats, Floats]

@@ -23,11 +23,10 @@ from uavgram.estimation.first_poses.plane_search import (
     search_known_planes,
 )
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.geometry.ground.plane import intersect_ground
-from uavgram.geometry.ground.plane_pose import pose_above_plane
+from uavgram.geometry.ground.plane import intersect_ground, pose_above_plane
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownThing
+from uavgram.model.survey import Survey
 
 MAX_RMS_SIGMAS = 3.0
 """RMS residual of known points, in their sigmas, above which a frame waits for others to join

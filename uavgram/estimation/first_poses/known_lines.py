@@ -10,11 +10,11 @@ from scipy.special import chdtrc
 from uavgram.estimation.first_poses.network import estimate_ground_height, has_known_height
 from uavgram.estimation.first_poses.pose_problem import LineRows, move_poses
 from uavgram.estimation.solver.batched import ExplicitProblem, Minima, minimise_each
-from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.ground.plane_pose import factor_homographies
+from uavgram.geometry.camera.projection import back_project_with_jacobian
+from uavgram.geometry.ground.plane import factor_homographies
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import CandidatePoses
-from uavgram.model.survey.survey import Survey
+from uavgram.model.frames import CandidatePoses
+from uavgram.model.survey import Survey
 
 MIN_ROWS = 6
 """Smallest number of rows: a pose has six unknowns."""

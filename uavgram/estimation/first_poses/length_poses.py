@@ -22,21 +22,21 @@ import numpy as np
 
 from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_planes
 from uavgram.estimation.survey.likelihood import compute_covariance_root
-from uavgram.geometry.camera.back_projection import back_project, rays_and_lens
 from uavgram.geometry.camera.lens import (
     Distorted,
     distort,
     split_components,
     write_parameter_derivative,
 )
-from uavgram.geometry.ground.plane_pose import (
+from uavgram.geometry.camera.projection import back_project, rays_and_lens
+from uavgram.geometry.ground.plane import (
     compute_end_components,
     differentiate_by_ends,
     differentiate_by_plane,
     lengths_on_plane,
 )
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 
 class LengthFrames(NamedTuple):

@@ -15,8 +15,8 @@ from uavgram.estimation.first_poses.length_poses import (
 )
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.survey.survey import Survey
+from uavgram.model.camera import Calibration
+from uavgram.model.survey import Survey
 
 
 def estimate_ground_height(survey: Survey) -> float:

@@ -29,9 +29,8 @@ from uavgram.estimation.solver.batched import (
     minimise_each,
 )
 from uavgram.geometry.ground import conditions
-from uavgram.geometry.ground.conditions import Residuals
-from uavgram.geometry.ground.line_of_position import unit_vectors
-from uavgram.geometry.ground.plane_pose import (
+from uavgram.geometry.ground.conditions import Residuals, unit_vectors
+from uavgram.geometry.ground.plane import (
     compute_end_components,
     differentiate_by_plane,
     lengths_on_plane,

@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from uavgram.estimation.first_poses.length_poses import LengthPoses
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.survey.survey import Ground
+from uavgram.model.survey import Ground
 
 OUTSIDE_PROBABILITY = 0.001
 """Probability that a true pose is outside the gate."""

@@ -14,12 +14,12 @@ import numpy as np
 
 from uavgram.errors import near_miss
 from uavgram.estimation.survey.ground_below import find_ground_below
-from uavgram.geometry.ground import measurements, shapes
+from uavgram.geometry.ground import measurements
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
+from uavgram.model.survey import Survey
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s^2] (CGPM 1901); the local value differs by less than 0.3 %, a speed by less
@@ -142,7 +142,7 @@ def _compute_skid_speed(
     mu = parameters["mu"] + mu_sigma * error(source)
     if mu <= 0:
         raise UnmeasurableError("its friction is not positive")
-    length, gradient = shapes.polyline(points)
+    length, gradient = measurements.polyline(points)
     if length <= 0 or not np.isfinite(gradient).all():
         raise UnmeasurableError("its points coincide")
     speed = float(np.sqrt(2.0 * mu * STANDARD_GRAVITY * length))
@@ -173,7 +173,7 @@ def _compute_speed(
     elapsed = times[1] - times[0]
     if not np.isfinite(elapsed) or elapsed == 0:
         raise UnmeasurableError("its two frames have no time, or the same")
-    length, gradient = shapes.distance(points)
+    length, gradient = measurements.distance(points)
     if length <= 0 or not np.isfinite(gradient).all():
         raise UnmeasurableError("its points coincide")
     speed = float(length / abs(elapsed))

@@ -22,13 +22,18 @@ from uavgram.estimation.survey.observations.sightings import (
 )
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
-from uavgram.geometry.motion.camera_motion import camera_motion, compute_row_share
+from uavgram.geometry.motion.camera_motion import (
+    camera_motion,
+    compute_row_share,
+    correct_time,
+    exposures_by_time,
+    predict_pose,
+)
 from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.geometry.motion.telemetry_pose import correct_time, exposures_by_time, predict_pose
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import Flight, Poses, TelemetryPrior
+from uavgram.model.camera import Calibration
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import Flight, Poses, TelemetryPrior
 
 PAIRS_AT_ONCE = 500
 """Largest number of pairs whose right-hand sides are solved for at a time."""

@@ -22,9 +22,9 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
+from uavgram.model.survey import Survey
 
 MIN_DERIVATIVE_SHARE = 1e-12
 """Share of its parts below which a derivative is only their rounding error."""

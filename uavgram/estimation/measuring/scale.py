@@ -20,7 +20,7 @@ from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.lengths import select_taped_lines
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 
 def scale_derivatives(adjustment: Adjustment) -> dict[str, Floats]:

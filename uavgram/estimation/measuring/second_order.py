@@ -42,8 +42,8 @@ from uavgram.estimation.survey.neighbours import (
 from uavgram.estimation.survey.unknowns import advance_state
 from uavgram.estimation.survey.unknowns import select_states as some_of
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
 
 MOVE_SIGMAS = float(np.sqrt(3.0))
 """Sigmas by which errors are moved, as in the unscented transform (Julier & Uhlmann 2004, with n +

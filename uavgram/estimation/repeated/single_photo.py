@@ -36,7 +36,7 @@ from uavgram.estimation.solver.batched import (
     minimise_each,
 )
 from uavgram.estimation.solver.batched import State as Unknowns
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws, PhotoPosesFound

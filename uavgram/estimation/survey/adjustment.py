@@ -20,8 +20,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Noise
-from uavgram.model.survey.corrections import Cause
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey
 
 # Relative singular value below which a motion is no motion: a turn about the line on which all
 # points are, or about the only point.

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 
 class GroundBelow(NamedTuple):

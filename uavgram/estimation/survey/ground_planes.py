@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.geometry.ground.plane import Basis, correlated_basis, knots_root, quadratic_basis
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Ground, Relief, Survey
+from uavgram.model.survey import Ground, Relief, Survey
 
 PLANE_SIZE = 3
 """Number of unknowns of a plane: height at the pivot [m], slope east, slope north."""

@@ -22,7 +22,7 @@ from uavgram.estimation.survey.observations.telemetry import compute_telemetry_p
 from uavgram.estimation.survey.unknowns import Layout, State, make_layout
 from uavgram.geometry.motion.rotation import lengths_of
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 
 class SurveyProblem:

@@ -24,8 +24,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import Selection, select_picks
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey import Sightings, Survey
 
 NEIGHBOUR_COUNT = 5
 """Neighbours of a point: an odd number, so that the median is one of them; two badly determined

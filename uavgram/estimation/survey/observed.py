@@ -12,13 +12,11 @@ import numpy as np
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import Telemetry
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Frames, Telemetry
+from uavgram.model.observations import NO_KNOWN, KnownLines, KnownThings, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions, TapeOptions
-from uavgram.model.survey.known import NO_KNOWN, KnownThings
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
-from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.model.survey import NO_TIES, TiePicks
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem

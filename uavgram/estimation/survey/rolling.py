@@ -8,9 +8,9 @@ import numpy as np
 
 from uavgram.geometry.motion.camera_motion import camera_motion
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.tags import UNKNOWN_READOUT, Readout
-from uavgram.model.flight.log import Track
-from uavgram.model.survey.survey import RollingShutter, Survey
+from uavgram.model.camera import UNKNOWN_READOUT, Readout
+from uavgram.model.flight_log import Track
+from uavgram.model.survey import RollingShutter, Survey
 
 MIN_SHIFT_PX = 0.05
 """Smallest shift of rows at the edge of any photo for which the readout time is kept [px]: a tenth

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from uavgram.model.arrays import Bools, Ints, rows_of
-from uavgram.model.flight.pose import TelemetryPrior
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
+from uavgram.model.frames import TelemetryPrior
+from uavgram.model.survey import NO_SIGHTINGS, Sightings, Survey
 
 
 @dataclass(frozen=True, eq=False)

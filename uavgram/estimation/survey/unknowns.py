@@ -10,10 +10,10 @@ import numpy as np
 
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE, count_fixed_planes, count_relief
+from uavgram.geometry.motion.camera_motion import SHARED_SIZE
 from uavgram.geometry.motion.rotation import exp_so3
-from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Layout:
     relief
         Coefficients of all areas' relief.
     telemetry
-        12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
+        12 (see geometry/motion/camera_motion.py), or 0 without a log.
     tape
         Number of tapes with an unknown scale (see estimation/survey/observations/lengths.py).
     readout

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 # Points per block: the temporaries of one block fit into the processor's cache.
 BLOCK = 8192

@@ -12,11 +12,10 @@ from typing import Annotated
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project, share_without_rays
 from uavgram.geometry.camera.lens import largest_radius
+from uavgram.geometry.camera.projection import back_project, share_without_rays
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.tags import CameraTags
+from uavgram.model.camera import Calibration, CameraTags
 
 _SAME_SHAPE = 0.01  # of width / height: beyond it the image is an unknown crop
 _SAME_STEP = 0.05  # relative difference of both resolutions: pixels are square

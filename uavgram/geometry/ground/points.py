@@ -5,6 +5,10 @@ covariance is collected at the pixel, S = G C G^T + S_pixel with G the derivativ
 point's pixel, and carried to the ground by the inverse of the 2x2 derivative H of this pixel by the
 point's east and north (implicit function theorem): H^-1 S H^-T.
 
+This is a kernel for programs that compute millions of points of one photo (its rate beside OpenCV
+and mrcal: tests/benchmarks/bench_single_frame.py). A survey's own points are few and correlated
+with all its unknowns: `estimation/measuring/` propagates them together.
+
 Arrays hold one component each, over a block of points that fits into the processor's cache; 2x2
 matrices are inverted in closed form.
 """
@@ -17,10 +21,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import rays_and_lens
 from uavgram.geometry.camera.lens import Distorted, write_parameter_derivative
+from uavgram.geometry.camera.projection import rays_and_lens
 from uavgram.model.arrays import Floats, freeze
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 BLOCK = 8192
 """Points per block; with fewer, the overhead of numpy calls exceeds the arithmetic."""

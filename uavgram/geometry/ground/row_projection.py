@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.projection import back_project, project
 from uavgram.geometry.motion.camera_motion import compute_row_share, rotate_vector
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.result.result import Result
 
 ROW_ITERATIONS = 2

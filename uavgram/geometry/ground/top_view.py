@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic, geographic_from_projected
+from uavgram.geometry.camera.projection import back_project_with_jacobian
+from uavgram.geometry.geodesy import Origin, enu_from_geodetic, geographic_from_projected
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.ground.row_projection import project_rows, row_poses
 from uavgram.geometry.motion.camera_motion import compute_row_share, rotate_vector

@@ -1,15 +1,17 @@
-"""Cache of values within a memory limit, safe for threads."""
+"""Values within a memory limit, safe for threads, and grey photos decoded ahead of their use."""
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Hashable
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Generic, TypeVar
 
 from uavgram.errors import UavgramError
+from uavgram.imaging.raster import Image
 
 Key = TypeVar("Key", bound=Hashable)
 Value = TypeVar("Value")
@@ -125,3 +127,81 @@ class LruCache(Generic[Key, Value]):
             if future.done() and key not in self._held:
                 total -= sizes[key]
                 del self._kept[key]
+
+
+log = logging.getLogger(__name__)
+
+GREY_BYTES = 140_000_000
+"""Memory limit of decoded photos: eleven of 12 megapixels, two of 48."""
+
+LEAST_AHEAD = 4
+"""Least number of photos that must fit into the limit for decoding ahead.
+
+Larger photos are decoded when they are needed: two of them beside those shown in colour would take
+more memory than the page may use.
+"""
+
+
+class GreyPhotos:
+    """Grey pixels of photos by name, for several threads.
+
+    Parameters
+    ----------
+    size_bytes
+        Number of pixels of each photo.
+    read
+        Decodes one, as it is stored.
+    most_bytes
+        Memory limit of all decoded photos.
+    """
+
+    def __init__(
+        self,
+        size_bytes: Mapping[str, int],
+        read: Callable[[str], Image],
+        most_bytes: int = GREY_BYTES,
+    ) -> None:
+        self._size_bytes, self._most_bytes = dict(size_bytes), most_bytes
+        self.photos: LruCache[str, Image] = LruCache(
+            read,
+            lambda pixels: pixels.nbytes,
+            most_bytes,
+            expected_bytes=self._size_bytes.__getitem__,
+        )
+        self._changed = threading.Condition()
+        self._wanted: tuple[str, ...] = ()
+        self._stopped = False
+        self._thread = threading.Thread(target=self._work, name="grey photos", daemon=True)
+        self._thread.start()
+
+    def read_ahead(self, names: Sequence[str]) -> None:
+        """Decode photos in this order, as many as fit; the order replaces an earlier one."""
+        room, wanted = self._most_bytes, []
+        for name in names:
+            room -= self._size_bytes[name]
+            if room < 0 or LEAST_AHEAD * self._size_bytes[name] > self._most_bytes:
+                break
+            wanted.append(name)
+        with self._changed:
+            self._wanted = tuple(wanted)
+            self._changed.notify()
+
+    def stop(self) -> None:
+        """Stop decoding ahead, after the photo in progress."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify()
+        self._thread.join()
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._wanted or self._stopped)
+                if self._stopped:
+                    return
+                name, *rest = self._wanted
+                self._wanted = tuple(rest)
+            try:
+                self.photos.get(name)
+            except UavgramError as why:  # reported where the photo is requested
+                log.info("not decoded ahead: %s", why)

@@ -1,22 +1,203 @@
-"""Measurement of uncoded targets near a known place: chequers, crosses and round targets.
+"""Uncoded targets, found and measured by their symmetry: chequers, crosses and round targets.
+
+Chequers, crosses and discs are unchanged by a half turn, in any affine view. So the centre is where
+the differences I(c + d) - I(c - d) are least; neither shape, size nor brightness need be known.
 
 The kind is recognised on rings about the centre. A two-by-two chequer changes its brightness four
 times on each of them, along two straight lines through the centre; a cross eight times, along two
 straight bars. A round target has outlines that are ellipses about one centre at many brightnesses.
+
+Lines and plain ground are, too, but their centre is undetermined. The remaining places are marks
+made by people, and few other objects.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.ndimage import spline_filter
 
-from uavgram.imaging.patches import sample_grey
-from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.symmetry import SymmetryCentre, find_centre_of_symmetry
-from uavgram.model.arrays import Bools, Floats
+from uavgram.imaging.patches import (
+    Fit,
+    compute_slopes,
+    compute_variance_growth,
+    estimate_neighbour_correlation,
+    fit_windows,
+    sample_grey,
+)
+from uavgram.imaging.raster import Image, Weights
+from uavgram.model.arrays import Bools, Floats, Ints
+
+MODEL_SIGMA_PX = 0.03
+"""Error of real cameras in addition to noise: uneven blur, sharpening, demosaicing.
+
+Inner corners of OpenCV's chessboard photos scatter by 0.048 px, where noise alone explains 0.038
+px; in rendered photos the error is less than 0.005 px.
+"""
+
+_LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
+_RING = 4  # pixels beyond the requested ones: the effect of the spline's end has decayed there
+
+
+class SymmetryCentre(NamedTuple):
+    """Centre (2,) [px], its covariance (2, 2) [px^2] and the correlation of both halves, -1 to 1.
+
+    `slope` [grey values/px] is the root mean square slope common to both halves, in the direction
+    in which it is least.
+    """
+
+    pixel_px: Floats
+    covariance_px2: Floats
+    likeness: float
+    slope: float
+
+    @property
+    def sigma_px(self) -> float:
+        """Sigma of a coordinate in any direction, in a real photo."""
+        return float(np.hypot(np.sqrt(np.trace(self.covariance_px2) / 2.0), MODEL_SIGMA_PX))
+
+    @property
+    def worst_sigma_px(self) -> float:
+        """Sigma in the direction in which it is largest."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance_px2)[1]))
+
+
+def find_centre_of_symmetry(
+    photo: Image, start_px: Floats, axes_px: Floats
+) -> SymmetryCentre | None:
+    """Find the centre of symmetry near a place; None where there is none or the search diverges.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey values.
+    start_px
+        (2,) to about a pixel.
+    axes_px
+        (2, 2) half axes of the ellipse in which the picture is symmetric, as columns.
+    """
+    half = int(np.ceil(np.abs(axes_px).sum(axis=1).max())) + 1
+    v, u = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float64)
+    inside = ((np.linalg.inv(axes_px) @ np.stack([u.ravel(), v.ravel()])) ** 2).sum(axis=0) <= 1.0
+    weight = inside.reshape(u.shape)
+    start = np.array(start_px, np.float64)[None]
+    surface = _Surface(photo, start[0], half + 1 + half // 2)
+
+    def model(center: Floats, _: Ints) -> tuple[Floats, Floats]:
+        around = surface.window(center[0], half + 1)
+        if around is None:
+            return np.full((1, inside.size), np.nan), np.zeros((1, 2, inside.size))
+        odd = (around - around[::-1, ::-1])[1:-1, 1:-1]
+        slope = np.stack(compute_slopes(around[None]), axis=1)
+        # d/dc of I(c + d) - I(c - d): twice the slope where both halves are alike
+        change = (slope - slope[..., ::-1, ::-1]) * weight
+        return (odd * weight).reshape(1, -1), change.reshape(1, 2, -1)
+
+    # no damping: differences over two pixels are not the exact derivatives of the residuals
+    fit = fit_windows(model, start, damping=0.0)
+    center = fit.state[0]
+    value = surface.window(center, half)
+    if value is None or not np.isfinite(fit.cost[0]):
+        return None
+    least = float(np.linalg.eigvalsh(fit.normal[0])[0])
+    if least <= 0 or np.abs(center - start).max() > 0.5 * half:
+        return None
+    slope = float(np.sqrt(least / weight.sum()))
+    return SymmetryCentre(center, _covariance(fit, weight), _likeness(value, weight), slope)
+
+
+def compute_symmetry(photo: Image, center_px: Floats, radius_px: int) -> float:
+    """Correlate both halves of a disc; -1 where the photo's edge cuts it.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey values.
+    center_px
+        (2,) its middle.
+    radius_px
+        Its radius.
+    """
+    value = _Surface(photo, center_px, radius_px).window(center_px, radius_px)
+    if value is None:
+        return -1.0
+    v, u = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
+    return _likeness(value, u**2 + v**2 <= radius_px**2)
+
+
+def _covariance(fit: Fit, weight: Bools) -> Floats:
+    """Compute the covariance of the centre from the differences of both halves.
+
+    The sums go over both halves, so every difference occurs twice: with the variance q of the
+    differences the covariance is 2 q N^-1. Correlated differences (JPEG, texture of the
+    surroundings) count for fewer.
+    """
+    variance = max(fit.cost[0] / max(weight.sum() - 4.0, 1.0), 2 * _LEAST_NOISE**2)
+    odd = fit.residual.reshape(1, *weight.shape)
+    more = compute_variance_growth(estimate_neighbour_correlation(odd, weight.astype(np.float64)))
+    return np.asarray(2.0 * variance * more * fit.inverse[0])
+
+
+def _likeness(value: Floats, weight: Bools) -> float:
+    here, there = value[weight], value[::-1, ::-1][weight]
+    spread = float(here.std() * there.std())
+    return float(((here - here.mean()) * (there - there.mean())).mean() / max(spread, 1e-9))
+
+
+class _Surface:
+    """Grey values about a place as a smooth surface: the cubic spline through all pixels.
+
+    The usual four-point interpolation of pictures (`cv2.remap`) is not symmetric between pixels,
+    and rounds places to 1/32 px: it moved centres of sharp targets by 0.03 px, where this spline
+    moves them by less than 0.001 px.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey values.
+    middle_px
+        (2,) middle of the part that is cut out.
+    half
+        Least distance from the middle that can be evaluated.
+    """
+
+    def __init__(self, photo: Image, middle_px: Floats, half: int) -> None:
+        size = np.array(photo.shape[1::-1])
+        first = np.round(middle_px).astype(int) - half - _RING
+        self._first = np.maximum(first, 0)
+        u, v = self._first
+        beyond = np.minimum(first + 2 * (half + _RING) + 1, size)
+        part = photo[v : max(beyond[1], v), u : max(beyond[0], u)].astype(np.float64)
+        self._size = np.array(part.shape[1::-1])
+        self._knots = spline_filter(part, order=3, mode="mirror") if part.size else part
+
+    def window(self, center_px: Floats, half: int) -> Floats | None:
+        """Evaluate (2 half + 1, 2 half + 1) values about a place; None where some are outside."""
+        first = center_px - self._first - half
+        if not ((first >= 2) & (first + 2 * half <= self._size - 3)).all():
+            return None
+        u, v = np.floor(first).astype(int).tolist()
+        side = 2 * half + 1
+        knots = self._knots[v - 1 : v + side + 2, u - 1 : u + side + 2]
+        across, down = (_knot_weights(float(share)) for share in first - [u, v])
+        values = cv2.sepFilter2D(knots, -1, across, down, anchor=(0, 0))
+        return np.asarray(values[:side, :side])
+
+
+def _knot_weights(share: float) -> Floats:
+    """Compute weights (4,) of the knots about a place in a cubic spline.
+
+    The place is a share of a step beyond the second knot.
+    """
+    rest = 1.0 - share
+    inner = [4.0 - 6.0 * s**2 + 3.0 * s**3 for s in (share, rest)]
+    return np.array([rest**3, *inner, share**3]) / 6.0
+
 
 REACH_PX = 4.0
 """Largest distance of the centre from the place."""
@@ -93,18 +274,18 @@ def measure_uncoded_target(photo: Image, place_px: Floats) -> UncodedTarget | No
         for kind, radius in ((Kind.CHEQUER, _chequer(rings)), (Kind.CROSS, _cross(rings))):
             if radius:
                 axes = radius * np.eye(2)
-                return _measured(photo, kind, place_px, start.pixel_px, axes)
+                return _measure_target(photo, kind, place_px, start.pixel_px, axes)
     ellipse = _ellipse(photo, place_px)
     if ellipse is None:
         return None
-    return _measured(photo, Kind.DISC, place_px, *ellipse)
+    return _measure_target(photo, Kind.DISC, place_px, *ellipse)
 
 
 def _is_near(found: SymmetryCentre, place_px: Floats) -> bool:
     return bool(np.hypot(*(found.pixel_px - place_px)) <= REACH_PX)
 
 
-def _measured(
+def _measure_target(
     photo: Image, kind: Kind, place_px: Floats, start_px: Floats, axes_px: Floats
 ) -> UncodedTarget | None:
     """Measure a target from start values; None where it fails a test.
@@ -276,3 +457,156 @@ def _round(bright: Bools) -> list[tuple[Floats, Floats]]:
             along = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
             found.append((np.array(center), along * (0.5 * np.array(axes) + 0.5)))
     return found
+
+
+RADII_PX = (4, 7, 12)
+"""Radii of the discs that are turned at each of the scales, as objects may be close to a target."""
+
+SCALES = (1, 2, 4)
+
+LEAST_SEARCH_LIKENESS = 0.6
+"""Least correlation in the search, on the smoothed picture at whole pixels."""
+
+LEAST_SEARCH_SPREAD = 8.0
+"""Least standard deviation in grey values; the fields of a target differ by 30 or more."""
+
+MAX_TARGETS = 16
+"""Number of places that are measured: those with the strongest symmetry."""
+
+LEAST_MEASURED_LIKENESS = 0.9
+"""Least correlation of a target with itself after half a turn.
+
+Less means another object, or a half hidden target.
+"""
+
+
+WIDER_PX = (6, 8, 10, 13, 17, 22, 28, 36, 48)
+"""Radii of the discs from which the extent of a target is found."""
+
+_MOST_OF_PART = 3.0  # largest ratio of a part's strength to that of the whole
+_SMOOTH_PX = 1.0
+_APART_PX = 3
+_STAYS_PX = 3.0  # from the place at whole pixels to the measured one
+
+
+@dataclass(frozen=True, eq=False)
+class SymmetricTarget:
+    """Target: its centre (2,) [px], and its sigma of a coordinate [px].
+
+    `reach_px` is the radius in which the picture is unchanged by a half turn. `strength` is in grey
+    values a pixel: the least slope over all directions that is the same on both sides, which
+    determines the centre.
+    """
+
+    pixel_px: Floats
+    sigma_px: float
+    reach_px: float
+    strength: float
+
+
+def find_symmetric_targets(grey: Image, holds: Callable[[Floats], Bools]) -> list[SymmetricTarget]:
+    """Find targets in a picture, the strongest first.
+
+    Parameters
+    ----------
+    grey
+        (height, width).
+    holds
+        Marks the places (n, 2) that are wanted.
+    """
+    found: list[SymmetricTarget] = []
+    for place, radius in _places(grey, holds):
+        one = _measure_place(grey, place, radius)
+        if one is not None and holds(one.pixel_px[None])[0]:
+            found.append(one)
+    return _without_parts(found)
+
+
+def _without_parts(found: list[SymmetricTarget]) -> list[SymmetricTarget]:
+    """Remove parts of other targets: a field of a chequer is symmetric, too."""
+    kept: list[SymmetricTarget] = []
+    for one in sorted(found, key=lambda one: -one.reach_px * one.strength):
+        for other in kept:
+            apart = np.hypot(*(one.pixel_px - other.pixel_px))
+            is_part = apart <= other.reach_px and one.reach_px <= other.reach_px
+            if apart <= _APART_PX or (is_part and one.strength <= _MOST_OF_PART * other.strength):
+                break
+        else:
+            kept.append(one)
+    return sorted(kept, key=lambda one: -one.strength)
+
+
+def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats, float]]:
+    """Find places (2,) to about a pixel, and the radius of symmetry of each."""
+    found: list[tuple[float, Floats, float]] = []
+    for scale in SCALES:
+        size = (grey.shape[1] // scale, grey.shape[0] // scale)
+        if min(size) <= 2 * RADII_PX[0]:
+            break
+        part = grey[: size[1] * scale, : size[0] * scale]
+        small = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        smooth = np.asarray(cv2.GaussianBlur(small, (0, 0), _SMOOTH_PX), np.float32)
+        for radius in RADII_PX if scale == 1 else RADII_PX[1:]:
+            if min(size) <= 2 * radius:
+                break
+            value = _symmetry(smooth, radius)
+            # Local maxima of the symmetry at wanted places.
+            peak = value >= cv2.dilate(value, np.ones((2 * _APART_PX + 1,) * 2, np.uint8))
+            v, u = np.nonzero(peak & (value > 0))
+            place = np.asarray((np.column_stack([u, v]) + 0.5) * scale - 0.5, np.float64)
+            own = holds(place)
+            strong = value[v, u][own].tolist()
+            found += [
+                (float(s), at, float(radius * scale))
+                for s, at in zip(strong, place[own], strict=True)
+            ]
+    found.sort(key=lambda one: -one[0])
+    return [(place, radius) for _, place, radius in found[:MAX_TARGETS]]
+
+
+def _symmetry(smooth: Weights, radius: int) -> Weights:
+    """Compute how symmetric each place's disc is under a half turn [grey values]; else 0.
+
+    It is the correlation times the standard deviation, where both are as large as those of targets.
+    """
+    height, width = smooth.shape
+    inner = np.s_[radius : height - radius, radius : width - radius]
+    middle = np.asarray(cv2.GaussianBlur(smooth, (0, 0), radius)[inner], np.float32)
+    squares, turned = np.zeros_like(middle), np.zeros_like(middle)
+    pairs = [
+        (du, dv)
+        for dv in range(-radius, radius + 1)
+        for du in range(radius + 1)
+        if du**2 + dv**2 <= radius**2 and (du > 0 or dv > 0)
+    ]
+    # Sums over opposite pixels: 2 a b and a^2 + b^2, so that their ratio is a correlation.
+    for du, dv in pairs:
+        one = smooth[radius + dv : height - radius + dv, radius + du : width - radius + du] - middle
+        other = (
+            smooth[radius - dv : height - radius - dv, radius - du : width - radius - du] - middle
+        )
+        turned += 2 * one * other
+        squares += one * one + other * other
+    spread, alike = np.sqrt(squares / (2 * len(pairs))), turned / np.maximum(squares, 1e-6)
+    found = np.zeros_like(smooth)
+    found[inner] = np.where(
+        (alike > LEAST_SEARCH_LIKENESS) & (spread > LEAST_SEARCH_SPREAD), alike * spread, 0
+    )
+    return found
+
+
+def _measure_place(grey: Image, place_px: Floats, radius_px: float) -> SymmetricTarget | None:
+    """Measure the target at a place known to about a pixel; None where there is none."""
+    found = find_centre_of_symmetry(grey, place_px, radius_px * np.eye(2))
+    if found is None or np.hypot(*(found.pixel_px - place_px)) > _STAYS_PX + radius_px / 8:
+        return None
+    if found.likeness < LEAST_MEASURED_LIKENESS or not found.worst_sigma_px <= MOST_SIGMA_PX:
+        return None
+    reach = radius_px
+    for wider in WIDER_PX:
+        if wider > radius_px:
+            if compute_symmetry(grey, found.pixel_px, wider) < LEAST_MEASURED_LIKENESS:
+                break
+            reach = float(wider)
+    strength = found.likeness**2 * found.slope
+    return SymmetricTarget(found.pixel_px, found.sigma_px, reach, strength)

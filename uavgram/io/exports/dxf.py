@@ -15,9 +15,8 @@ from ezdxf import const, units
 from ezdxf.document import Drawing
 from ezdxf.filemanagement import new
 
-from uavgram.geometry.earth.geodesy import map_scale, projected_from_enu
-from uavgram.io.exports.dxf_profiles import draw_profiles
-from uavgram.io.exports.dxf_sheet import (
+from uavgram.geometry.geodesy import map_scale, projected_from_enu
+from uavgram.io.exports.dxf_sheets import (
     ALIGNED,
     LABELS,
     LAYERS,
@@ -27,6 +26,7 @@ from uavgram.io.exports.dxf_sheet import (
     Text,
     cad_layer,
     compute_half_size,
+    draw_profiles,
     escape_mtext,
     escape_text,
     place_beside_point,

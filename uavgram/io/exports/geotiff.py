@@ -17,8 +17,8 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import DatasetWriter
 from rasterio.windows import Window as FileWindow
 
+from uavgram.imaging.photos.decoding import halve_with_opacity
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.reduction import halve_with_opacity
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.maps import GroundRaster
 

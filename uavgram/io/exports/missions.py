@@ -31,7 +31,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from uavgram.io.results.codec import Record
+from uavgram.io.json_codec import Record
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Autopilot, HeightFrame, Mission
 

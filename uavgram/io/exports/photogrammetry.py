@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.geometry.motion.rotation import xyzw_from_matrix
-from uavgram.io.cameras.colmap import colmap_text
+from uavgram.io.cameras import colmap_text
 from uavgram.io.tables.csv_tables import csv_text
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import GeoTags
+from uavgram.model.frames import GeoTags
 from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 

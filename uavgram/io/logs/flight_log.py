@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.input_files import opened
-from uavgram.model.flight.log import FlightLog, LogKind
+from uavgram.model.flight_log import FlightLog, LogKind
 
 _DATAFLASH_FORMAT = b"\xa3\x95\x80"  # the first message of a DataFlash file, a format message
 _ULOG_FORMAT = b"ULog\x01\x12\x35"

@@ -1,4 +1,4 @@
-"""Copies of photos with their poses in EXIF and XMP; the pixels are copied byte by byte.
+"""Writing of EXIF (CIPA DC-008, Exif 2.32) and XMP tags; pixels are copied byte by byte.
 
 All other tags are kept. TIFF 6.0 directories may be anywhere in the block: the new first directory
 and the new GPS directory are appended to the existing block, so no offset of another tag changes.
@@ -12,11 +12,13 @@ import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 import numpy as np
+from PIL import ExifTags, Image
 
 from uavgram.errors import InputError
 from uavgram.io.photos.metadata import (
@@ -25,6 +27,7 @@ from uavgram.io.photos.metadata import (
     DJI,
     EXIF_HEAD,
     PIX4D,
+    START,
     XMP_HEAD,
     Jpeg,
     Segment,
@@ -34,7 +37,7 @@ from uavgram.io.photos.metadata import (
     parse_xmp,
     xmp_packet,
 )
-from uavgram.model.flight.pose import GeoTags
+from uavgram.model.frames import GeoTags
 
 BYTE, ASCII, LONG, RATIONAL = 1, 2, 4, 5
 GPS_IFD = 0x8825
@@ -292,3 +295,43 @@ def _pose_tags(tags: GeoTags, k: int, old: XmpTags) -> Tags:
 def _half_turn(degrees: float) -> float:
     """Reduce an angle to [-180, 180)."""
     return math.remainder(degrees, 360.0)
+
+
+def insert_exif(jpeg: bytes, *, time_utc_s: float, zone_h: float, make: str, model: str) -> bytes:
+    """Insert an EXIF segment after the JPEG's start marker.
+
+    Parameters
+    ----------
+    jpeg
+        A JPEG file without EXIF.
+    time_utc_s
+        The camera clock's reading less its zone, seconds since the Unix epoch; written to the
+        millisecond.
+    zone_h
+        Zone of the camera clock, hours east of Greenwich.
+    make, model
+        ASCII names of the camera.
+
+    Raises
+    ------
+    ValueError
+        `jpeg` is not a JPEG.
+    """
+    if not jpeg.startswith(START):
+        raise ValueError("not a JPEG: it does not start with FF D8")
+    time = datetime.fromtimestamp(0, UTC) + timedelta(milliseconds=round(time_utc_s * 1e3))
+    time = time.astimezone(timezone(timedelta(hours=zone_h)))
+    stamp = f"{time:%Y:%m:%d %H:%M:%S}"
+    exif = Image.Exif()
+    exif[ExifTags.Base.Make] = make
+    exif[ExifTags.Base.Model] = model
+    exif[ExifTags.Base.DateTime] = stamp
+    exif.get_ifd(ExifTags.IFD.Exif).update(
+        {
+            ExifTags.Base.ExifVersion: b"0232",
+            ExifTags.Base.DateTimeOriginal: stamp,
+            ExifTags.Base.OffsetTimeOriginal: time.isoformat()[-6:],
+            ExifTags.Base.SubsecTimeOriginal: f"{time.microsecond // 1000:03d}",
+        }
+    )
+    return build_jpeg([Segment(APP1, exif.tobytes())], jpeg[len(START) :])

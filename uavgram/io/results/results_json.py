@@ -1,13 +1,13 @@
 """Reader and writer of results.json (schema 1): exact numbers, NaN as null, one record a line.
 
 The reader returns an object equal to the written one. Keys are defined once for both directions: by
-the types of the fields (codec.py), by the tables (tables.py), and for all exceptions here.
+the types of the fields (codec.py), by the tables (py), and for all exceptions here.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,33 +16,209 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_text
-from uavgram.io.json_text import parse_json
+from uavgram.io.json_codec import (
+    Json,
+    Record,
+    Table,
+    decode,
+    encode,
+    from_record,
+    join_records,
+    numbers,
+    parse_json,
+)
 from uavgram.io.outputs import replace_text
-from uavgram.io.results import tables
-from uavgram.io.results.codec import Json, Record, decode, encode, from_record, numbers
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
+from uavgram.model.naming import row_shapes
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.reliability import (
     AreaNoise,
     ChecksOverall,
+    Effects,
     ErrorBudget,
     EstimatedSigma,
+    Evidence,
     Noise,
     PickNoise,
+    PriorResults,
+    Reason,
     RemovalRecord,
+    SecondOrder,
+    Verdict,
+    WeakestLinks,
 )
-from uavgram.model.result.result import Result, SolutionSummary
-from uavgram.model.result.shared import (
+from uavgram.model.result.result import (
     AreaPlane,
     Estimate,
     OrientationCorrelation,
+    Result,
     SharedResult,
+    SolutionSummary,
     compare_cameras,
 )
-from uavgram.model.result.tables import MonteCarloResults, TieSummary
-from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.result.tables import (
+    ControlLineResults,
+    FrameResults,
+    KnownResults,
+    LineChecks,
+    LineResults,
+    MeasurementResults,
+    MonteCarloResults,
+    PickResults,
+    PlanarUncertainty,
+    PointChecks,
+    PointResults,
+    PoseTable,
+    ProfileResults,
+    TieSummary,
+)
+from uavgram.model.survey import Geodetic, World
+
+_ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
+FRAMES = Table(FrameResults, elsewhere=("seed", "refined", "folder"))
+POSES = Table(PoseTable)
+POINTS = Table(PointResults, elsewhere=(*_ELLIPSE, "relative"))
+RELATIVE = Table(PlanarUncertainty, elsewhere=_ELLIPSE)
+LINES = Table(LineResults)
+KNOWN = Table(KnownResults)
+CONTROL_LINES = Table(ControlLineResults)
+PICKS = Table(PickResults)
+MEASUREMENTS = Table(MeasurementResults, elsewhere=("correlation",))
+PROFILES = Table(ProfileResults)
+POINT_CHECKS = Table(PointChecks)
+LINE_CHECKS = Table(LineChecks)
+PRIORS = Table(PriorResults, elsewhere=("effects",))
+EFFECTS = Table(Effects)
+WEAKEST = Table(WeakestLinks)
+SECOND_ORDER = Table(SecondOrder)
+
+
+def dump_frames(frames: FrameResults) -> list[Record]:
+    """Return the frames; a missing pose is null."""
+    seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
+    poses = [{"seed": a, "refined": b} for a, b in zip(seed, refined, strict=True)]
+    return join_records(FRAMES.dump(frames), poses)
+
+
+def load_frames(records: Sequence[Record]) -> FrameResults:
+    """Invert `dump_frames`."""
+    return FRAMES.load(
+        records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
+    )
+
+
+def _dump_poses(poses: PoseTable) -> list[Record | None]:
+    present = [bool(np.isfinite(center).any()) for center in poses.center_world_m]
+    return [row if there else None for there, row in zip(present, POSES.dump(poses), strict=True)]
+
+
+def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
+    shapes = row_shapes(PoseTable).items()
+    absent = {key: encode(np.full(shape, np.nan)) for key, shape in shapes}
+    return POSES.load([row or absent for row in rows])
+
+
+def dump_points(points: PointResults) -> list[Record]:
+    """Return the ground points; angles in degrees for people, and in the original radians."""
+    relative = join_records(RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
+    for row, off_ground in zip(relative, points.is_off_ground, strict=True):
+        if not off_ground:
+            del row["covariance_m3"]
+    return join_records(
+        POINTS.dump(points), _dump_ellipses(points), [{"relative": row} for row in relative]
+    )
+
+
+def load_points(records: Sequence[Record]) -> PointResults:
+    """Invert `dump_points`."""
+    nothing = {"covariance_m3": [[None] * 3] * 3}  # left out for points on the ground
+    relative = [nothing | row["relative"] for row in records]
+    return POINTS.load(
+        records,
+        **_load_ellipses(records),
+        relative=RELATIVE.load(relative, **_load_ellipses(relative)),
+    )
+
+
+def _dump_ellipses(points: PointResults | PlanarUncertainty) -> list[Record]:
+    axes, azimuth = points.ellipse_95_m, points.ellipse_azimuth_rad
+    keys = ("semi_major_m", "semi_minor_m", "azimuth_deg", "azimuth_rad")
+    rows = np.column_stack([axes, np.rad2deg(azimuth), azimuth]).tolist()
+    return [{"ellipse_95": dict(zip(keys, row, strict=True))} for row in rows]
+
+
+def _load_ellipses(records: Sequence[Record]) -> Record:
+    ellipses = [row["ellipse_95"] for row in records]
+    axes = [[ellipse["semi_major_m"], ellipse["semi_minor_m"]] for ellipse in ellipses]
+    azimuth = [ellipse["azimuth_rad"] for ellipse in ellipses]
+    return {
+        "ellipse_95_m": numbers(axes, len(records), 2),
+        "ellipse_azimuth_rad": numbers(azimuth, len(records)),
+    }
+
+
+def load_measurements(records: Sequence[Record], correlation: Json) -> MeasurementResults:
+    """Read the measured values with their correlation."""
+    n = len(records)
+    return MEASUREMENTS.load(
+        records,
+        correlation=numbers(correlation, n, n),
+    )
+
+
+def add_evidence(result: Result, content: Record) -> Record:
+    """Add the reliability of lengths, picks, priors and measurements, row by row."""
+    if (evidence := result.evidence) is not None:
+        content["lines"] = join_records(content["lines"], EFFECTS.dump(evidence.lines))
+        content["picks"] = join_records(content["picks"], EFFECTS.dump(evidence.picks))
+        content["measurements"] = join_records(
+            content["measurements"], _dump_weakest(evidence.weakest)
+        )
+        priors = evidence.priors
+        content["priors"] = join_records(PRIORS.dump(priors), EFFECTS.dump(priors.effects))
+    if result.second_order is not None:
+        content["measurements"] = join_records(
+            content["measurements"], SECOND_ORDER.dump(result.second_order)
+        )
+    return content
+
+
+def load_evidence(content: Record) -> Evidence | None:
+    """Read the evidence of a results file; None where it has none."""
+    if "priors" not in content:
+        return None
+    priors = content["priors"]
+    return Evidence(
+        lines=EFFECTS.load(content["lines"]),
+        picks=EFFECTS.load(content["picks"]),
+        priors=PRIORS.load(priors, effects=EFFECTS.load(priors)),
+        weakest=_load_weakest(content["measurements"]),
+    )
+
+
+def load_second_order(records: Sequence[Record]) -> SecondOrder | None:
+    """Read the second-order terms of the measurements; None where there are none."""
+    if not records or "second_order_sigma" not in records[0]:
+        return None
+    return SECOND_ORDER.load(records)
+
+
+def _dump_weakest(weakest: WeakestLinks) -> list[Record]:
+    rows = WEAKEST.dump(weakest)
+    unchecked = [row.pop("unchecked") for row in rows]
+    return [
+        {"weakest": row if row["what"] else None, "unchecked": names}
+        for row, names in zip(rows, unchecked, strict=True)
+    ]
+
+
+def _load_weakest(records: Sequence[Record]) -> WeakestLinks:
+    none = {"what": "", "mdb": None, "unit": "", "change": None}
+    return WEAKEST.load(
+        [(row["weakest"] or none) | {"unchecked": row["unchecked"]} for row in records]
+    )
+
 
 _ADDED: Record = {"plain": "", "mend": None, "instead": []}
 """Keys of a reason that are left out where they are empty."""
@@ -123,22 +299,21 @@ def dump_results(result: Result) -> str:
         "clock": _dump_clock(result.shared),
         "shared": _dump_shared(result),
         "areas": [{"name": area.name} | _dump_plane(area) for area in result.areas],
-        "frames": tables.dump_frames(result.frames),
-        "points": tables.dump_points(result.points),
-        "lines": tables.LINES.dump(result.lines),
-        "known": tables.KNOWN.dump(result.known),
-        "control_lines": tables.CONTROL_LINES.dump(result.control_lines),
-        "picks": tables.PICKS.dump(result.picks),
-        "measurements": tables.MEASUREMENTS.dump(result.measurements),
+        "frames": dump_frames(result.frames),
+        "points": dump_points(result.points),
+        "lines": LINES.dump(result.lines),
+        "known": KNOWN.dump(result.known),
+        "control_lines": CONTROL_LINES.dump(result.control_lines),
+        "picks": PICKS.dump(result.picks),
+        "measurements": MEASUREMENTS.dump(result.measurements),
         "measurement_correlation": encode(result.measurements.correlation),
-        "profiles": tables.PROFILES.dump(result.profiles),
+        "profiles": PROFILES.dump(result.profiles),
         "monte_carlo": encode(result.monte_carlo),
         "removals": [
             {"step": step} | encode(one) for step, one in enumerate(result.removals, start=1)
         ],
         "checks_overall": encode(result.checks_overall),
-        "checks": tables.POINT_CHECKS.dump(result.point_checks)
-        + tables.LINE_CHECKS.dump(result.line_checks),
+        "checks": POINT_CHECKS.dump(result.point_checks) + LINE_CHECKS.dump(result.line_checks),
         "solution": encode(result.solution),
         "noise": _dump_noise(result.noise),
         "orientation": encode(result.orientation),
@@ -147,7 +322,7 @@ def dump_results(result: Result) -> str:
     }
     if (budget := result.error_budget) is not None:
         content["error_budget"] = {"sources": list(budget.source), "shares": encode(budget.share)}
-    return format_record_per_line(tables.add_evidence(result, content))
+    return format_record_per_line(add_evidence(result, content))
 
 
 def write_results(result: Result, path: str | Path) -> None:
@@ -189,22 +364,22 @@ def _result(content: Record) -> Result:
         camera=from_record(Calibration, content["camera"]),
         shared=_load_shared(content["shared"], content["clock"]),
         areas=tuple(_load_plane(area) for area in content["areas"]),
-        frames=tables.load_frames(content["frames"]),
-        points=tables.load_points(content["points"]),
-        lines=tables.LINES.load(content["lines"]),
-        known=tables.KNOWN.load(content["known"]),
-        control_lines=tables.CONTROL_LINES.load(content["control_lines"]),
-        picks=tables.PICKS.load(content["picks"]),
-        measurements=tables.load_measurements(rows, content["measurement_correlation"]),
-        profiles=tables.PROFILES.load(content["profiles"]),
+        frames=load_frames(content["frames"]),
+        points=load_points(content["points"]),
+        lines=LINES.load(content["lines"]),
+        known=KNOWN.load(content["known"]),
+        control_lines=CONTROL_LINES.load(content["control_lines"]),
+        picks=PICKS.load(content["picks"]),
+        measurements=load_measurements(rows, content["measurement_correlation"]),
+        profiles=PROFILES.load(content["profiles"]),
         monte_carlo=decode(MonteCarloResults | None, content["monte_carlo"]),
-        second_order=tables.load_second_order(rows),
-        evidence=tables.load_evidence(content),
+        second_order=load_second_order(rows),
+        evidence=load_evidence(content),
         removals=decode(tuple[RemovalRecord, ...], content["removals"]),
         error_budget=_load_error_budget(content.get("error_budget")),
         checks_overall=decode(ChecksOverall | None, content["checks_overall"]),
-        point_checks=tables.POINT_CHECKS.load([c for c in checks if "label" in c]),
-        line_checks=tables.LINE_CHECKS.load([c for c in checks if "label" not in c]),
+        point_checks=POINT_CHECKS.load([c for c in checks if "label" in c]),
+        line_checks=LINE_CHECKS.load([c for c in checks if "label" not in c]),
         solution=from_record(SolutionSummary, content["solution"]),
         noise=_load_noise(content["noise"]),
         orientation=decode(OrientationCorrelation | None, content["orientation"]),

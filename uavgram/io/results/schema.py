@@ -23,11 +23,29 @@ from typing import (
     get_type_hints,
 )
 
-from uavgram.io.results import tables
-from uavgram.io.results.codec import Record, Table
-from uavgram.io.results.results_json import LEARNT_KEYS, SCHEMA
+from uavgram.io.json_codec import Record, Table
+from uavgram.io.results.results_json import (
+    CONTROL_LINES,
+    EFFECTS,
+    FRAMES,
+    KNOWN,
+    LEARNT_KEYS,
+    LINE_CHECKS,
+    LINES,
+    MEASUREMENTS,
+    PICKS,
+    POINT_CHECKS,
+    POINTS,
+    POSES,
+    PRIORS,
+    PROFILES,
+    RELATIVE,
+    SCHEMA,
+    SECOND_ORDER,
+    WEAKEST,
+)
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.reliability import (
@@ -35,13 +53,13 @@ from uavgram.model.result.reliability import (
     ChecksOverall,
     EstimatedSigma,
     PickNoise,
+    Reason,
     RemovalRecord,
+    Verdict,
 )
-from uavgram.model.result.result import SolutionSummary
-from uavgram.model.result.shared import CameraUpdate, OrientationCorrelation
+from uavgram.model.result.result import CameraUpdate, OrientationCorrelation, SolutionSummary
 from uavgram.model.result.tables import MonteCarloResults, TieSummary
-from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.survey import Geodetic, World
 
 SIGMA_KEY = re.compile(r"(.*_)?sigma(_.*)?")
 NOT_NEGATIVE = {
@@ -88,7 +106,7 @@ def dump_schema() -> str:
 def results_schema() -> Record:
     """Return the JSON Schema of the files that `dump_results` writes."""
     place = dict.fromkeys(Geodetic._fields, _NUMBER)
-    effects, weakest = row_schema(tables.EFFECTS), row_schema(tables.WEAKEST)
+    effects, weakest = row_schema(EFFECTS), row_schema(WEAKEST)
     unchecked = weakest.pop("unchecked")
     links = {"weakest": _or_null(_object(weakest)), "unchecked": unchecked}
     sections: dict[str, Record] = {
@@ -108,25 +126,23 @@ def results_schema() -> Record:
         ),
         "shared": _shared(),
         "areas": _array(_object({"name": _TEXT} | _plane())),
-        "frames": _array(_object(row_schema(tables.FRAMES) | _poses())),
-        "points": _array(
-            _object(row_schema(tables.POINTS) | _ellipse() | {"relative": _relative()})
-        ),
-        "lines": _array(_object(row_schema(tables.LINES) | effects, optional=effects)),
-        "known": _array(_object(row_schema(tables.KNOWN))),
-        "control_lines": _array(_object(row_schema(tables.CONTROL_LINES))),
-        "picks": _array(_object(row_schema(tables.PICKS) | effects, optional=effects)),
+        "frames": _array(_object(row_schema(FRAMES) | _poses())),
+        "points": _array(_object(row_schema(POINTS) | _ellipse() | {"relative": _relative()})),
+        "lines": _array(_object(row_schema(LINES) | effects, optional=effects)),
+        "known": _array(_object(row_schema(KNOWN))),
+        "control_lines": _array(_object(row_schema(CONTROL_LINES))),
+        "picks": _array(_object(row_schema(PICKS) | effects, optional=effects)),
         "measurements": _measurements(links),
         "measurement_correlation": _array(_array(_NUMBER)),
-        "profiles": _array(_object(row_schema(tables.PROFILES))),
+        "profiles": _array(_object(row_schema(PROFILES))),
         "monte_carlo": _or_null(_record(MonteCarloResults)),
         "removals": _array(_object({"step": _WHOLE} | _properties(RemovalRecord))),
         "checks_overall": _or_null(_record(ChecksOverall)),
         "checks": _array(
             {
                 "oneOf": [
-                    _object(row_schema(tables.POINT_CHECKS)),
-                    _object(row_schema(tables.LINE_CHECKS)),
+                    _object(row_schema(POINT_CHECKS)),
+                    _object(row_schema(LINE_CHECKS)),
                 ]
             }
         ),
@@ -136,7 +152,7 @@ def results_schema() -> Record:
         "ties": _or_null(_record(TieSummary)),
         "messages": _array(_message()),
         "error_budget": _object({"sources": _array(_TEXT), "shares": _array(_array(_NUMBER))}),
-        "priors": _array(_object(row_schema(tables.PRIORS) | effects)),
+        "priors": _array(_object(row_schema(PRIORS) | effects)),
     }
     optional = ("error_budget", "priors")
     return {
@@ -303,7 +319,7 @@ def _plane() -> dict[str, Record]:
 
 
 def _poses() -> dict[str, Record]:
-    pose = _or_null(_object(row_schema(tables.POSES)))
+    pose = _or_null(_object(row_schema(POSES)))
     return {"seed": pose, "refined": pose}
 
 
@@ -313,14 +329,12 @@ def _ellipse() -> dict[str, Record]:
 
 
 def _relative() -> Record:
-    return _object(row_schema(tables.RELATIVE) | _ellipse(), optional=("covariance_m3",))
+    return _object(row_schema(RELATIVE) | _ellipse(), optional=("covariance_m3",))
 
 
 def _measurements(links: dict[str, Record]) -> Record:
-    second = row_schema(tables.SECOND_ORDER)
-    return _array(
-        _object(row_schema(tables.MEASUREMENTS) | links | second, optional=links | second)
-    )
+    second = row_schema(SECOND_ORDER)
+    return _array(_object(row_schema(MEASUREMENTS) | links | second, optional=links | second))
 
 
 def _noise() -> Record:

@@ -12,8 +12,16 @@ from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.measure import POINT_COUNTS, read_parameters, read_points, request_fault
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import NOT_KNOWN, ON_LINE, STRAIGHTNESS_M, ControlLines, KnownThings
-from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest
+from uavgram.model.observations import (
+    NOT_KNOWN,
+    ON_LINE,
+    STRAIGHTNESS_M,
+    ControlLines,
+    KnownLines,
+    KnownPoints,
+    KnownThings,
+    MeasurementRequest,
+)
 
 LINES_COLUMNS = Columns(
     text=("name", "from", "to"),

@@ -9,7 +9,7 @@ from typing import get_args
 from uavgram.errors import near_miss
 from uavgram.io.tables.csv_tables import Columns, Table, number_hint, parse_number, read_table
 from uavgram.model.limits import name_fault
-from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
+from uavgram.model.observations import MeasurementKind, MeasurementRequest
 
 MEASURE_COLUMNS = Columns(
     text=("name", "kind", "points"), optional_text=("parameters", "note"), others=True

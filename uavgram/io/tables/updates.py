@@ -1,23 +1,266 @@
-"""Updates of picks.csv, lines.csv and measure.csv that keep all other content, and new tables."""
+"""Updates of the user's CSV tables: everything that a change does not touch stays, to the byte.
+
+The text is cut into raw cells. An unchanged row keeps its quotes, blanks and digits; a changed row
+keeps those of its other cells; other columns, the order of columns and rows, blank lines, line
+endings and a byte order mark stay.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
 from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_bytes
-from uavgram.io.tables.csv_tables import read_blocks, read_header
+from uavgram.io.tables.csv_tables import find_separator, guard_formula, read_blocks, read_header
 from uavgram.io.tables.known import GEODETIC, THREE_SIGMAS
-from uavgram.io.tables.rewrite import Cells, create_table, rewrite_table
-from uavgram.model.survey.observations import (
+from uavgram.model.observations import (
     ImportedPicks,
     KnownLines,
     KnownPoints,
     MeasurementRequest,
     Picks,
 )
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+# A quoted cell may hold any text; one without quotes ends at a separator or at the end of its line.
+_CELL = {
+    mark: re.compile(rf'("(?:[^"]|"")*"[^{mark}\r\n]*|[^{mark}\r\n]*)({mark}|\r\n|\r|\n|\Z)')
+    for mark in ",;"
+}
+_COMMA_NUMBER = re.compile(r"[-+]?[0-9]*,[0-9]+")
+_POINT_NUMBER = re.compile(r"[-+]?[0-9]+\.[0-9]+")
+
+Cells = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Record:
+    """Line of the file: its raw cells and its ending (the last one may have none)."""
+
+    cells: tuple[str, ...]
+    end: str
+
+    def text(self, separator: str) -> str:
+        return separator.join(self.cells) + self.end
+
+    @property
+    def is_blank(self) -> bool:
+        return not any(cell.strip() for cell in self.cells)
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """Changes of the rows of a file.
+
+    Attributes
+    ----------
+    changes
+        For rows that stay: row index -> changed cells.
+    added
+        New rows after a row that stays, -1: after the header.
+    """
+
+    changes: dict[int, dict[str, str]] = field(default_factory=dict)
+    added: dict[int, list[Cells]] = field(default_factory=dict)
+
+
+def rewrite_table(
+    content: bytes, before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]
+) -> bytes:
+    """Change a CSV file from its present to its new content.
+
+    Parameters
+    ----------
+    content
+        The file, as the reader of its kind accepts it.
+    before
+        Its present rows, in one way of writing numbers; no entry for blank lines.
+    after
+        Its new rows, in the same way of writing. An empty cell of a column that the file does not
+        have is ignored.
+    key
+        Columns that identify a row.
+
+    Returns
+    -------
+    bytes
+        `content` itself where `after` equals `before`.
+    """
+    mark = BYTE_ORDER_MARK if content.startswith(BYTE_ORDER_MARK) else b""
+    text = content[len(mark) :].decode()
+    separator = find_separator(text)
+    records = list(_records(text, separator))
+    at = next(i for i, record in enumerate(records) if not record.is_blank)
+    header = [_plain(cell, separator) for cell in records[at].cells]
+    kept = _compared(before, after, key)
+    wanted = [*kept.changes.values(), *(row for rows in kept.added.values() for row in rows)]
+    new = [
+        name
+        for name in dict.fromkeys(name for row in wanted for name in row)
+        if name not in header and any(row.get(name) for row in wanted)
+    ]
+    ends = records[at].end or "\n"
+    writer = _Writer([*header, *new], separator, _comma_columns(records[at + 1 :], header))
+    written = _written(records, at, writer, kept, len(new))
+    ended = _ended(written, ends, records[-1].end)
+    return mark + "".join(record.text(separator) for record in ended).encode()
+
+
+def create_table(header: Sequence[str], rows: Sequence[Cells]) -> bytes:
+    """Create a CSV file with these columns; cells that a row does not have are empty."""
+    lines = [",".join(header), *(_Writer(header).line(row) for row in rows)]
+    return "".join(line + "\n" for line in lines).encode()
+
+
+def _records(text: str, separator: str) -> Iterator[_Record]:
+    cells: list[str] = []
+    position = 0
+    while position < len(text) or cells:
+        match = _CELL[separator].match(text, position)
+        if match is None:
+            raise ValueError("a quote is not closed")  # the reader refuses such a file
+        cells.append(match[1])
+        position = match.end()
+        if match[2] != separator:
+            yield _Record(tuple(cells), match[2])
+            cells = []
+
+
+def _plain(cell: str, separator: str) -> str:
+    """Parse a raw cell."""
+    return next(iter(csv.reader([cell], delimiter=separator)), [""])[0].strip() if cell else ""
+
+
+def _comma_columns(records: Sequence[_Record], header: Sequence[str]) -> frozenset[str]:
+    """Find the columns in which the file has numbers with a decimal comma."""
+    return frozenset(
+        name
+        for k, name in enumerate(header)
+        if any(_COMMA_NUMBER.fullmatch(r.cells[k].strip(' "')) for r in records if k < len(r.cells))
+    )
+
+
+@dataclass(frozen=True)
+class _Writer:
+    """Format of the file's cells: header, separator, and columns with decimal commas."""
+
+    header: Sequence[str]
+    separator: str = ","
+    commas: frozenset[str] = frozenset()
+
+    def line(self, row: Cells) -> str:
+        """Format a new row."""
+        return self.separator.join(self.cell(name, row.get(name, "")) for name in self.header)
+
+    def cell(self, name: str, text: str) -> str:
+        """Format a cell like the file: in quotes where it needs them."""
+        if name in self.commas and _POINT_NUMBER.fullmatch(text):
+            text = text.replace(".", ",")
+        cell = io.StringIO()
+        # with \r\n, as otherwise a lone \r would not be quoted
+        csv.writer(cell, delimiter=self.separator).writerow([guard_formula(text), ""])
+        return cell.getvalue().removesuffix(f"{self.separator}\r\n")
+
+
+def _compared(before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]) -> _Kept:
+    """Assign the new rows to rows of the file, and find the changes.
+
+    Rows are matched by their keys, in order. Where keys differ at one place, a row with the same
+    other cells counts as renamed. As new rows come last, equal numbers of old and new rows at any
+    other place count as renamed, too.
+    """
+    was, now = ([tuple(row[name] for name in key) for row in rows] for rows in (before, after))
+    kept = _Kept()
+    last = -1
+    matcher = SequenceMatcher(a=was, b=now, autojunk=False)
+    for what, a0, a1, b0, b1 in matcher.get_opcodes():
+        if what == "equal":
+            same = dict(zip(range(b0, b1), range(a0, a1), strict=True))
+        else:
+            olds, news = range(a0, a1), range(b0, b1)
+            same = _renamed(before, after, olds, news, key, at_end=a1 == len(before))
+        for j in range(b0, b1):
+            if j not in same:
+                kept.added.setdefault(last, []).append(after[j])
+                continue
+            last = same[j]
+            old = before[last]
+            kept.changes[last] = {
+                name: text for name, text in after[j].items() if text != old.get(name, "")
+            }
+    return kept
+
+
+def _renamed(
+    before: Sequence[Cells],
+    after: Sequence[Cells],
+    olds: range,
+    news: range,
+    key: Sequence[str],
+    *,
+    at_end: bool,
+) -> dict[int, int]:
+    """Pair new rows with old ones that were renamed, in order."""
+
+    def rest(row: Cells) -> Cells:
+        return {name: text for name, text in row.items() if name not in key and text}
+
+    pairs: dict[int, int] = {}
+    first = olds.start
+    for j in news:
+        found = next((i for i in range(first, olds.stop) if rest(before[i]) == rest(after[j])), -1)
+        if found >= 0:
+            pairs[j] = found
+            first = found + 1
+    if not at_end and len(olds) == len(news):
+        return dict(zip(news, olds, strict=True))
+    return pairs
+
+
+def _written(
+    records: Sequence[_Record], at: int, writer: _Writer, kept: _Kept, more: int
+) -> Iterator[_Record]:
+    """Yield the records of the new file.
+
+    `at` is the header's index, `more` the number of new columns.
+    """
+    header = writer.header
+    place = {name: i for i, name in enumerate(header)}
+    yield from records[:at]
+    yield replace(records[at], cells=(*records[at].cells, *header[len(header) - more :]))
+    yield from (_Record((writer.line(row),), "") for row in kept.added.get(-1, ()))
+    row_number = -1
+    for record in records[at + 1 :]:
+        if record.is_blank:
+            yield record
+            continue
+        row_number += 1
+        if row_number in kept.changes:
+            cells = [*record.cells, *[""] * more]
+            for name, text in kept.changes[row_number].items():
+                if name in place:
+                    cells[place[name]] = writer.cell(name, text)
+            yield replace(record, cells=tuple(cells))
+        yield from (_Record((writer.line(row),), "") for row in kept.added.get(row_number, ()))
+
+
+def _ended(records: Iterator[_Record], end: str, last_end: str) -> Iterator[_Record]:
+    """Give each record a line ending; the last one has none where the file's last one had none."""
+    earlier: _Record | None = None
+    for record in records:
+        if earlier is not None:
+            yield replace(earlier, end=earlier.end or end)
+        earlier = record
+    if earlier is not None:
+        yield replace(earlier, end=(earlier.end or end) if last_end else "")
+
 
 PICKS_HEADER = ("image", "label", "u_px", "v_px", "sigma_px", "height_m")
 LINES_HEADER = ("name", "from", "to", "length_m", "sigma_m", "use")

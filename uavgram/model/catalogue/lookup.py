@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from uavgram.model.catalogue.calibration import CALIBRATION
-from uavgram.model.catalogue.camera import CAMERA
-from uavgram.model.catalogue.causes import FOUND_CAUSES
+from uavgram.model.catalogue.cameras import CALIBRATION, CAMERA
 from uavgram.model.catalogue.entry import Entry, Subject
-from uavgram.model.catalogue.flight_log import FLIGHT_LOG
 from uavgram.model.catalogue.left_out import EXCLUDED, UNUSED
-from uavgram.model.catalogue.misfits import MISFITS
-from uavgram.model.catalogue.photos import POSES, TIMES
-from uavgram.model.catalogue.planning import PLANNING
-from uavgram.model.catalogue.projects import IMPORTS, NEW_PROJECT, PRODUCTS, TARGETS, TIES
+from uavgram.model.catalogue.misfits import FOUND_CAUSES, MISFITS
+from uavgram.model.catalogue.photos import FLIGHT_LOG, POSES, TIMES
+from uavgram.model.catalogue.projects import IMPORTS, NEW_PROJECT, PLANNING, PRODUCTS, TARGETS, TIES
 from uavgram.model.catalogue.trust import GROUND, TRUST
 
 SUBJECTS = (

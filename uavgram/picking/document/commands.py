@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from uavgram.model.camera.calibration import LensModel
-from uavgram.model.survey.observations import Along, MeasurementKind, Source
+from uavgram.model.camera import LensModel
+from uavgram.model.observations import Along, MeasurementKind, Source
 
 Target = Literal["any", "target"]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from uavgram.io.tables.measure import points_fault
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.labels import forget, rename, swap

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.model.survey.observations import (
+from uavgram.model.observations import (
     SAME_PLACE_PX,
     Along,
     KnownLines,

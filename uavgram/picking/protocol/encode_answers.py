@@ -8,10 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
-from uavgram.imaging.snap_region import Region, UnclearRegion, snap_within
+from uavgram.imaging.snapping import (
+    Region,
+    Snapped,
+    UnclearRegion,
+    snap_circle,
+    snap_corner,
+    snap_within,
+)
 from uavgram.model.result.tables import COLUMNS
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.document.proposals import Outcomes, select_certain
 from uavgram.picking.protocol.encode_places import Json, number

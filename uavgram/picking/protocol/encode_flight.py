@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
-from uavgram.model.naming import Units
+from uavgram.model.flight_log import Track
+from uavgram.model.naming import PLATE_CORNERS, Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.picking.protocol.encode_places import Json, number
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.views.flight_plan import LineRow, PlateRow, line_rows, plate_rows, plate_side

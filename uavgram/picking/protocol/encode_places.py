@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.estimation.measuring.predicted_pixels import PredictedPixels
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.pick.live_survey import LiveAdjustment
 from uavgram.pipeline.pick.places import KnownPlaces

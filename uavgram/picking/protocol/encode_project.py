@@ -10,8 +10,8 @@ import numpy as np
 from uavgram.errors import UavgramError
 from uavgram.geometry.camera.properties import compute_camera_properties
 from uavgram.imaging.photos.tiles import level_count
-from uavgram.model.camera.calibration import Calibration, CameraProvenance
-from uavgram.model.catalogue.camera import CAMERA
+from uavgram.model.camera import Calibration, CameraProvenance
+from uavgram.model.catalogue.cameras import CAMERA
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import Message
 from uavgram.picking.protocol.encode_places import Json, number, numbers

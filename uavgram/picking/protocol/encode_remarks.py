@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from uavgram.model.message import Message
+from uavgram.model.observations import KnownLines
+from uavgram.model.result.reliability import Reason
 from uavgram.model.result.tables import PickResults
-from uavgram.model.result.verdict import Reason
-from uavgram.model.survey.observations import KnownLines
 from uavgram.picking.protocol.encode_remedies import remedies_json
 from uavgram.stages.judge.verdict import make_reason
 

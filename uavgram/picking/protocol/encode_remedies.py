@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from uavgram.model.message import Correction, Remedy
-from uavgram.model.survey.observations import KnownLines
+from uavgram.model.observations import KnownLines
 
 Json = dict[str, Any]
 

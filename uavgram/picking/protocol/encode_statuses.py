@@ -13,10 +13,9 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
 from uavgram.model.naming import counted, listed
-from uavgram.model.result.reliability import WeakestLinks
+from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict
 from uavgram.views.formatting import UNIT_WORDS, number, size_text
 from uavgram.views.survey.verdict import STATUS_WORDS, list_named_picks
 

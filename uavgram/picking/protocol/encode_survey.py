@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from uavgram.model.message import Message
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_places import (
     ellipse_json,

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from uavgram.model.message import Message
+from uavgram.model.observations import KnownLines
+from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.observations import KnownLines
 from uavgram.picking.protocol.encode_remarks import NOTHING, Remarks
 from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.survey.verdict import STATUS_WORDS, summarise_result

@@ -20,7 +20,7 @@ from uavgram.io.tables.measure import (
     POINT_COUNTS,
     parameter_fault,
 )
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 from uavgram.model.limits import (
     LONGEST_NAME,
     find_unshowable,
@@ -29,7 +29,7 @@ from uavgram.model.limits import (
     number_fault,
     sigma_fault,
 )
-from uavgram.model.survey.observations import Along, MeasurementKind, Source
+from uavgram.model.observations import Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
 

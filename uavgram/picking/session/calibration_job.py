@@ -14,8 +14,8 @@ from typing import TypeVar
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import UavgramError
-from uavgram.io.discovery import PhotoFolder
-from uavgram.model.camera.board import CalibrationOptions
+from uavgram.io.folders import PhotoFolder
+from uavgram.model.board import CalibrationOptions
 from uavgram.picking.document.commands import Calibrate
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json

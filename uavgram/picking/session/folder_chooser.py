@@ -15,8 +15,8 @@ from typing import Any, Literal, NoReturn
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
-from uavgram.io.browse import Browsable, ListedFolder, count_photos, find_home_and_drives
-from uavgram.io.own_files import check_inside
+from uavgram.io.files import check_inside
+from uavgram.io.folders import Browsable, ListedFolder, count_photos, find_home_and_drives
 from uavgram.model.limits import LONGEST_NAME, find_unshowable, sigma_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.io.own_files import check_own, read_own
+from uavgram.io.files import check_own, read_own
 from uavgram.io.results.results_json import load_results
 from uavgram.picking.protocol.encode_results import extract_plan, results_json
 from uavgram.picking.protocol.encode_survey import Json

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.targets.uncoded import UncodedTarget
 from uavgram.model.arrays import Floats
 from uavgram.picking.document import commands as c

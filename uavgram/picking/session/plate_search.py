@@ -11,11 +11,11 @@ from dataclasses import replace
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError
-from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.imaging.plates.detection import sight_board_plate, sight_large_plates
+from uavgram.imaging.photos.cache import GreyPhotos
+from uavgram.imaging.plates import sight_board_plate, sight_large_plates
 from uavgram.imaging.raster import Image
+from uavgram.model.observations import RejectedPlate, SeenPlate
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.observations import RejectedPlate, SeenPlate
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair
 from uavgram.picking.document.state import State, make_observations

@@ -13,11 +13,11 @@ import numpy as np
 
 from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.solver.normal_equations import SingularError
-from uavgram.imaging.matching.matches import Matches, RefusalReason
-from uavgram.imaging.matching.occlusion import compute_worst_quarter_correlation
-from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.matching.least_squares import Matches, RefusalReason
+from uavgram.imaging.matching.match import compute_worst_quarter_correlation
+from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair, source_of
 from uavgram.picking.document.state import State, make_observations

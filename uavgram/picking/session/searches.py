@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.imaging.photos.cache import GreyPhotos
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.picking.document.proposals import Outcome, Pair
 from uavgram.picking.session.plate_search import PlateSearch
 from uavgram.picking.session.point_search import PointSearch, SearchInput

@@ -14,10 +14,8 @@ from dataclasses import asdict
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.photos.preview import read_preview
-from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
-from uavgram.imaging.photos.tiles import TILE_PX
-from uavgram.imaging.photos.tone import Tone
+from uavgram.imaging.photos.preview import Tone, read_preview
+from uavgram.imaging.photos.tiles import TILE_PX, PhotoFile, TiledPhotos
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.history import Session, apply

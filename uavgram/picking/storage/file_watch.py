@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavgram.errors import InputError
-from uavgram.io.digest import digest_file
+from uavgram.io.files import digest_file
 from uavgram.pipeline.measure.inputs import Inputs
 
 Stamp = tuple[int, int] | None

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any, get_args
 
 from uavgram.errors import OutputError, UavgramError
-from uavgram.io.json_text import parse_json
-from uavgram.io.own_files import open_own, read_own
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.io.files import open_own, read_own
+from uavgram.io.json_codec import parse_json
+from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.state import Line, Pick, State

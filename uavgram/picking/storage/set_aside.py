@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import UavgramError
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.state import Line, Pick, State
 from uavgram.picking.storage.journal import JOURNAL, load_journal
 

@@ -18,9 +18,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.io.locks import ProjectLock
-from uavgram.io.outputs import replace_bytes
-from uavgram.io.own_files import check_inside, check_own
+from uavgram.io.files import check_inside, check_own
+from uavgram.io.outputs import ProjectLock, replace_bytes
 from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks

@@ -18,7 +18,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavgram.errors import UavgramError
-from uavgram.io.browse import PROJECT
+from uavgram.io.folders import PROJECT
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser

@@ -12,7 +12,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from uavgram.io.own_files import open_own
+from uavgram.io.files import open_own
 
 
 class RedirectFile:

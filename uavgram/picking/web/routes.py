@@ -15,9 +15,9 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route
 
 from uavgram.errors import UavgramError
+from uavgram.imaging.photos.preview import Tone
 from uavgram.imaging.photos.tiles import FIRST_COARSE
-from uavgram.imaging.photos.tone import Tone
-from uavgram.io.own_files import read_own
+from uavgram.io.files import read_own
 from uavgram.picking.session.project import OpenProject
 
 DOCUMENT_HEADERS = {

@@ -22,8 +22,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uavgram.errors import UavgramError
-from uavgram.io.locks import FileLock, is_locked
-from uavgram.io.own_files import read_own
+from uavgram.io.files import read_own
+from uavgram.io.outputs import FileLock, is_locked
 
 log = logging.getLogger(__name__)
 

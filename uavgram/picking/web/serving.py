@@ -12,7 +12,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from uavgram.errors import UavgramError
-from uavgram.io.browse import PROJECT
+from uavgram.io.folders import PROJECT
 from uavgram.picking.protocol.parse import MAX_MESSAGE_BYTES
 from uavgram.picking.session.folder_chooser import FolderChooser
 from uavgram.picking.web import running_server

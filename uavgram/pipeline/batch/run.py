@@ -15,7 +15,7 @@ from uavgram.errors import InputError, UavgramError
 from uavgram.input_files import read_text
 from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
 from uavgram.io.outputs import staged_output
-from uavgram.io.results.batch_state import STATE, append_record, read_records
+from uavgram.io.results.command_json import STATE, append_record, read_records
 from uavgram.model.batch import Batch, SurveyRecord, SurveyRow
 from uavgram.pipeline.batch.survey import (
     Outcome,

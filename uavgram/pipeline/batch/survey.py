@@ -15,11 +15,11 @@ import numpy as np
 
 from uavgram.config.project import load_project
 from uavgram.errors import InputError, UavgramError
-from uavgram.io.digest import photo_files
+from uavgram.io.files import photo_files
 from uavgram.io.outputs import LAST_MOVED, SupersededError, claim_folder
-from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.photos.catalogue import find_photos
-from uavgram.io.results.batch_state import (
+from uavgram.io.photos.metadata import read_camera_tags
+from uavgram.io.results.command_json import (
     append_record,
     is_unchanged,
     read_file_stat,
@@ -30,8 +30,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.batch import FileState, Fit, ParameterUpdate, SurveyRecord, SurveyRow
 from uavgram.model.maps import Paper
 from uavgram.model.options import Project
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import compare_cameras
+from uavgram.model.result.result import Result, compare_cameras
 from uavgram.pipeline.measure.inputs import named_files
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.versions import stamp

@@ -20,31 +20,30 @@ from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.calibration.problem import make_focal_and_center_prior
 from uavgram.imaging.photos.preview import Preview, make_preview
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.board_picture import draw_board
-from uavgram.imaging.targets.detect import detect_in_photos
-from uavgram.imaging.targets.observations import collect_observations
-from uavgram.imaging.targets.sighting import Sighting
-from uavgram.io.cameras.choice import read_drone_cameras
-from uavgram.io.cameras.opencv import opencv_text
-from uavgram.io.discovery import PhotoFolder, find_photo_folders
+from uavgram.imaging.targets.boards import collect_observations, detect_in_photos, draw_board
+from uavgram.imaging.targets.corners import Sighting
+from uavgram.io.cameras import opencv_text, read_drone_cameras
+from uavgram.io.files import check_no_originals
+from uavgram.io.folders import PhotoFolder, find_photo_folders
 from uavgram.io.outputs import replace_text, staged_output
-from uavgram.io.own_files import check_no_originals
-from uavgram.io.photos.board_photos import (
+from uavgram.io.photos.catalogue import (
     LEAST_PHOTOS,
     CalibrationFiles,
     find_calibration_photos,
     read_grey,
 )
-from uavgram.io.photos.camera_tags import read_camera_tags
-from uavgram.io.results.calibration_json import write_calibration
-from uavgram.model.camera.board import Board, BoardPhoto, CalibrationOptions, LensSetting
-from uavgram.model.camera.calibration import Calibration, CameraProvenance, OptionValue
-from uavgram.model.camera.calibration_result import (
+from uavgram.io.photos.metadata import read_camera_tags
+from uavgram.io.results.command_json import write_calibration
+from uavgram.model.board import (
+    Board,
+    BoardPhoto,
     CalibrationAccount,
+    CalibrationOptions,
     CalibrationResult,
+    LensSetting,
     PhotoReason,
 )
-from uavgram.model.camera.tags import CameraTags
+from uavgram.model.camera import Calibration, CameraProvenance, CameraTags, OptionValue
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.pipeline.versions import package_versions, stamp

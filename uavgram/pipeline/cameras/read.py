@@ -12,22 +12,29 @@ import numpy as np
 from uavgram.config.camera import camera_text, load_camera_file
 from uavgram.errors import InputError
 from uavgram.input_files import binary_kind, read_bytes
-from uavgram.io.cameras.choice import read_drone_cameras
-from uavgram.io.cameras.colmap import colmap_text, is_colmap_cameras, read_colmap_camera
-from uavgram.io.cameras.odm import is_odm_cameras, read_odm_camera
-from uavgram.io.cameras.opencv import is_opencv_calibration, opencv_text, read_opencv_calibration
-from uavgram.io.digest import digest_file
+from uavgram.io.cameras import (
+    colmap_text,
+    is_colmap_cameras,
+    is_odm_cameras,
+    is_opencv_calibration,
+    opencv_text,
+    read_colmap_camera,
+    read_drone_cameras,
+    read_odm_camera,
+    read_opencv_calibration,
+)
+from uavgram.io.files import digest_file
 from uavgram.io.logs.flight_log import is_flight_log
 from uavgram.io.outputs import replace_text
-from uavgram.io.photos.camera_tags import read_all_camera_tags, read_camera_tags
-from uavgram.model.camera.calibration import (
+from uavgram.io.photos.metadata import read_all_camera_tags, read_camera_tags
+from uavgram.model.camera import (
     ORDINARY_EQUIVALENTS_MM,
     Calibration,
     CameraProvenance,
+    CameraTags,
     OptionValue,
 )
-from uavgram.model.camera.tags import CameraTags
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.camera import REMEDY, assume_camera, find_camera

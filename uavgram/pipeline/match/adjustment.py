@@ -17,8 +17,8 @@ from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
 from uavgram.estimation.survey.departures import compute_heights_at
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.observations import Picks
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import Picks
+from uavgram.model.survey import Survey
 from uavgram.pipeline.match.selection import append_matches
 from uavgram.pipeline.measure.compute import adjust_survey, assemble_survey
 from uavgram.pipeline.measure.inputs import Inputs

@@ -8,11 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.imaging.matching.least_squares import (
+    REASON_TEXTS,
+    Matches,
+    RefusalReason,
+    SoughtPoints,
+)
 from uavgram.imaging.matching.match import match_points
-from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason, SoughtPoints
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.raster import Image
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats, Ints, rows_of
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent

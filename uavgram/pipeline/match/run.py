@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uavgram.errors import GeometryError, UavgramError
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.motion.telemetry_pose import BORESIGHT
+from uavgram.geometry.motion.camera_motion import BORESIGHT
 from uavgram.model.arrays import Bools
 from uavgram.pipeline.match.adjustment import BaseAdjustment, adjust_manual_picks
 from uavgram.pipeline.match.patch_search import load_grey_photos

@@ -14,7 +14,7 @@ from uavgram.estimation.measuring.transferred_pixels import (
     transfer_pixels,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason, SoughtPoints
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason, SoughtPoints
 from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.match.adjustment import BaseAdjustment
 from uavgram.pipeline.match.patch_search import (

@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.naming import listed
-from uavgram.model.survey.observations import SAME_PLACE_PX, Picks, Source
+from uavgram.model.observations import SAME_PLACE_PX, Picks, Source
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.match import Found, Pair
 

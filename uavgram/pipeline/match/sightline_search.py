@@ -6,11 +6,10 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
-from uavgram.imaging.matching.line_of_sight import match_along_line
-from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason
-from uavgram.imaging.matching.shared_corner import SightLine
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
+from uavgram.imaging.matching.line_of_sight import SightLine, match_along_line
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 from uavgram.pipeline.match.adjustment import MIN_HEIGHT_M
 from uavgram.pipeline.match.patch_search import Photos
 from uavgram.pipeline.progress import Progress, silent

@@ -26,20 +26,18 @@ from uavgram.estimation.measuring.error_budget import (
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
-from uavgram.geometry.earth.geodesy import normalise_crs, utm_crs
+from uavgram.geometry.geodesy import normalise_crs, utm_crs
 from uavgram.imaging.known_point_pose import find_known_point_poses
-from uavgram.io.digest import find_relative_name
-from uavgram.model.flight.frames import Frames
+from uavgram.io.files import find_relative_name
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message
+from uavgram.model.observations import KnownLines, KnownThings, KnownWorldPoints
 from uavgram.model.options import Project, SolveOptions, option_pairs
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.reliability import SecondOrder
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import SharedResult, compare_cameras
+from uavgram.model.result.result import Result, SharedResult, compare_cameras
 from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteCarloResults
-from uavgram.model.survey.known import KnownThings
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
-from uavgram.model.survey.survey import Survey, World
+from uavgram.model.survey import Survey, World
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
 from uavgram.pipeline.measure.judge import judge_survey
 from uavgram.pipeline.measure.observations import (

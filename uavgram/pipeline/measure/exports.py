@@ -8,20 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
-from uavgram.io.digest import photo_files
 from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
-from uavgram.io.exports.dxf_sheet import NumberFormat
-from uavgram.io.exports.geojson import write_geojson
-from uavgram.io.exports.geopackage import write_geopackage
+from uavgram.io.exports.dxf_sheets import NumberFormat
 from uavgram.io.exports.geotiff import add_opacity, write_turned_picture
-from uavgram.io.exports.kml import write_kml
+from uavgram.io.exports.gis import GROUND, LayerStyle, write_geopackage, write_qgis_project
 from uavgram.io.exports.measurements_csv import write_measurements_csv, write_profiles_csv
 from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list, write_geo_txt
-from uavgram.io.exports.qgis import GROUND, LayerStyle, write_qgis_project
+from uavgram.io.exports.web_maps import write_geojson, write_kml
+from uavgram.io.files import photo_files
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import GeoTags, PoseChoice
+from uavgram.model.frames import GeoTags, PoseChoice
 from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
 from uavgram.stages.products.geotags import geotag

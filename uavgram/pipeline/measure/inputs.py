@@ -13,16 +13,15 @@ import numpy as np
 
 from uavgram.config.project import load_project, project_file
 from uavgram.errors import InputError, near_miss
-from uavgram.geometry.camera.back_projection import share_without_rays
-from uavgram.imaging.photos.decode import is_same_exposure
+from uavgram.geometry.camera.projection import share_without_rays
+from uavgram.imaging.photos.decoding import is_same_exposure
 from uavgram.input_files import unread_format
-from uavgram.io.digest import digest_inputs
+from uavgram.io.files import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.metadata import exif_text, read_exif_tags
-from uavgram.io.photos.poses.sources import FROM_PHOTOS, read_pose_sources
-from uavgram.io.photos.poses.tags import first_maker
+from uavgram.io.photos.metadata import exif_text, read_camera_tags, read_exif_tags
+from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_pose_sources
+from uavgram.io.photos.pose_tags import first_maker
 from uavgram.io.tables.csv_tables import find_own_columns
 from uavgram.io.tables.known import (
     CONTROL_LINES_COLUMNS,
@@ -34,20 +33,25 @@ from uavgram.io.tables.known import (
     read_lines,
 )
 from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
-from uavgram.io.tables.picks import PICKS_COLUMNS, read_picks
-from uavgram.io.tables.ties import TIES_COLUMNS, read_ties
+from uavgram.io.tables.picks import PICKS_COLUMNS, TIES_COLUMNS, read_picks, read_ties
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.tags import Readout, published_readout
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.log import FlightLog
-from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.camera import Calibration, Readout, published_readout
+from uavgram.model.flight_log import FlightLog
+from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message
+from uavgram.model.observations import (
+    NO_CONTROL_LINES,
+    NO_KNOWN,
+    ControlLines,
+    KnownLines,
+    KnownPoints,
+    KnownThings,
+    MeasurementRequest,
+    Picks,
+)
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.provenance import InputDigest
-from uavgram.model.survey.known import NO_CONTROL_LINES, NO_KNOWN, ControlLines, KnownThings
-from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.model.survey import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
@@ -225,7 +229,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     ties = read_ties(ties_file) if ties_file else NO_TIES
     planned = None
     if project.plan:
-        from uavgram.io.results.plan_json import read_plan  # noqa: PLC0415 - slow to load
+        from uavgram.io.results.command_json import read_plan  # noqa: PLC0415 - slow to load
 
         planned = read_plan(project.plan)
     columns = _column_messages(

@@ -8,13 +8,19 @@ from typing import TypeVar
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message
-from uavgram.model.result.known import ControlLineResults, KnownResults
+from uavgram.model.observations import KnownWorldPoints
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord
 from uavgram.model.result.result import GroupFactor
-from uavgram.model.result.tables import LineChecks, LineResults, PickResults, PointChecks
-from uavgram.model.survey.observations import KnownWorldPoints
+from uavgram.model.result.tables import (
+    ControlLineResults,
+    KnownResults,
+    LineChecks,
+    LineResults,
+    PickResults,
+    PointChecks,
+)
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.judge import (

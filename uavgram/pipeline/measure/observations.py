@@ -9,11 +9,17 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
+from uavgram.model.observations import (
+    ON_LINE,
+    ControlLines,
+    KnownLines,
+    KnownPoints,
+    KnownThings,
+    LinePosition,
+    Picks,
+)
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.corrections import Cause
-from uavgram.model.survey.known import ON_LINE, ControlLines, KnownThings, LinePosition
-from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
-from uavgram.model.survey.survey import World
+from uavgram.model.survey import Cause, World
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.stages.assemble import Assembled

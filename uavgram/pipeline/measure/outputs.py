@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavgram.imaging.photos.preview import Pixels, Preview, jpeg_preview_scale, read_preview
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
-from uavgram.io.digest import photo_files
+from uavgram.io.files import photo_files
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import write_results
 from uavgram.model.maps import PLAN_PDF, Paper, PlanPaper

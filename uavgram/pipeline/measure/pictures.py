@@ -6,14 +6,12 @@ from dataclasses import replace
 from itertools import groupby
 from threading import Lock
 
-from uavgram.imaging.photos.decode import read_pixels
+from uavgram.imaging.photos.decoding import read_pixels
 from uavgram.imaging.photos.preview import Pixels, Preview, cut_parts, make_preview_of_decoded
-from uavgram.imaging.top_view.ground_picture import cut_ground
-from uavgram.imaging.top_view.mosaic import GroundTexture
-from uavgram.io.digest import photo_files
+from uavgram.imaging.top_view.mosaic import GroundTexture, cut_ground
+from uavgram.io.files import photo_files
 from uavgram.model.message import Message
-from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import GroundPicture, Picture, Pictures, Region, Result
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import ground_extent
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.geometry.ground.top_view import View
-from uavgram.imaging.photos.tone import apply_tone, choose_tone
-from uavgram.imaging.top_view.brightness import estimate_exposure_gains
-from uavgram.imaging.top_view.photo_cache import PhotoCache
+from uavgram.imaging.photos.preview import apply_tone, choose_tone
+from uavgram.imaging.top_view.brightness import PhotoCache, estimate_exposure_gains
 from uavgram.io.exports.geotiff import write_turned_picture
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import dump_results

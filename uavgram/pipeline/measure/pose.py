@@ -13,7 +13,7 @@ from uavgram.config.project import error_of_key
 from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
-from uavgram.geometry.earth.geodesy import (
+from uavgram.geometry.geodesy import (
     SAME_SITE_M,
     are_axes_exchanged,
     curvature_drop,
@@ -23,16 +23,23 @@ from uavgram.geometry.earth.geodesy import (
     utm_crs,
 )
 from uavgram.io.photos.metadata import read_exif_place
-from uavgram.io.photos.poses.sources import read_photo_poses
+from uavgram.io.photos.pose_sources import read_photo_poses
 from uavgram.model.arrays import Floats, rows_of
-from uavgram.model.flight.frames import Frames, Pairing, Photos
-from uavgram.model.flight.log import FlightLog, HeightDatum, LogFault
-from uavgram.model.flight.pose import Flight, PhotoExposures, PhotoPoses, Telemetry
+from uavgram.model.flight_log import FlightLog, HeightDatum, LogFault
+from uavgram.model.frames import (
+    Flight,
+    Frames,
+    Pairing,
+    PhotoExposures,
+    PhotoPoses,
+    Photos,
+    Telemetry,
+)
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
+from uavgram.model.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.options import GeodeticOrigin, MountOptions
-from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_effects import report_faults

@@ -13,8 +13,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Literal
 
+from uavgram.io.files import check_folder_of_project
 from uavgram.io.outputs import staged_output
-from uavgram.io.own_files import check_folder_of_project
 from uavgram.model.maps import Paper, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import Sampling, compute

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from uavgram.io.digest import digest_file
+from uavgram.io.files import digest_file
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.ties import read_ties, update_ties
+from uavgram.io.tables.picks import read_ties, update_ties
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FOUND
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, ties_path
 from uavgram.pipeline.measure.pose import PosedFrames, list_unposed, pose_frames
 from uavgram.pipeline.progress import Progress, silent

@@ -28,8 +28,8 @@ from uavgram.estimation.survey.departures import compute_heights_at
 from uavgram.estimation.survey.observations.lengths import select_taped_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
+from uavgram.model.observations import KnownLines, MeasurementRequest, Picks
 from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
 from uavgram.pipeline.match.adjustment import adjust_manual_picks
 from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs

@@ -18,13 +18,13 @@ from uavgram.estimation.measuring.transferred_pixels import (
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
-from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
+from uavgram.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
 from uavgram.geometry.ground.row_projection import RowPoses
-from uavgram.imaging.matching.matches import SoughtPoints
+from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.pose import Poses
-from uavgram.model.survey.observations import KnownWorldPoints, Picks
-from uavgram.model.survey.survey import World
+from uavgram.model.frames import Poses
+from uavgram.model.observations import KnownWorldPoints, Picks
+from uavgram.model.survey import World
 from uavgram.pipeline.match.adjustment import UNEVEN_M
 from uavgram.pipeline.match.search import MIN_PX, make_search_places
 from uavgram.pipeline.measure.inputs import Inputs

@@ -16,10 +16,10 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.ties.features import Features, read_features
+from uavgram.imaging.ties import Features, read_features
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.survey.observations import Picks
+from uavgram.model.camera import Calibration
+from uavgram.model.observations import Picks
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.pick.places import PredictedPlaces
 from uavgram.pipeline.threads import with_one_blas_thread

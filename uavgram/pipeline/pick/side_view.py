@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.tables import ProfileResults
-from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.pipeline.pick.live_survey import LiveAdjustment
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.measure import compute_profiles

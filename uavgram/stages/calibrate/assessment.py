@@ -19,9 +19,15 @@ from uavgram.estimation.calibration.reliability import (
 )
 from uavgram.estimation.calibration.validation import HeldOut, cross_validate
 from uavgram.model.arrays import Bools
-from uavgram.model.camera.board import BoardObservations, BoardPhoto, CalibrationOptions
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_result import CalibrationResult, LengthUncertainty, LensEffect
+from uavgram.model.board import (
+    BoardObservations,
+    BoardPhoto,
+    CalibrationOptions,
+    CalibrationResult,
+    LengthUncertainty,
+    LensEffect,
+)
+from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
 

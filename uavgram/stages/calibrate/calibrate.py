@@ -9,8 +9,9 @@ import numpy as np
 from uavgram.estimation.calibration.outliers import remove_outliers
 from uavgram.estimation.calibration.problem import Corners, make_lens, pad
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions
-from uavgram.model.camera.calibration_result import (
+from uavgram.model.board import (
+    BoardObservations,
+    CalibrationOptions,
     CalibrationQuality,
     CalibrationResult,
     ModelScore,

@@ -22,9 +22,8 @@ from uavgram.estimation.calibration.validation import (
     compute_information_criteria,
     cross_validate,
 )
-from uavgram.model.camera.board import BoardObservations, CalibrationOptions, parameter_count
-from uavgram.model.camera.calibration import LensModel
-from uavgram.model.camera.calibration_result import ModelScore
+from uavgram.model.board import BoardObservations, CalibrationOptions, ModelScore, parameter_count
+from uavgram.model.camera import LensModel
 from uavgram.stages.calibrate.assessment import AssessedCalibration, judge
 
 MODELS: dict[LensModel, tuple[int, ...]] = {"brown": (3, 5, 8), "fisheye": (4,)}

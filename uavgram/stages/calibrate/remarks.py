@@ -15,10 +15,9 @@ from uavgram.estimation.calibration.network import (
     detect_focus_drift,
     detect_rolling_shutter,
 )
-from uavgram.geometry.camera.back_projection import share_without_rays
+from uavgram.geometry.camera.projection import share_without_rays
 from uavgram.geometry.camera.properties import FRAME_35MM_DIAGONAL_MM
-from uavgram.model.camera.board import LensSetting
-from uavgram.model.camera.calibration_result import CalibrationResult, ModelScore
+from uavgram.model.board import CalibrationResult, LensSetting, ModelScore
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
 from uavgram.stages.calibrate.assessment import AssessedCalibration

@@ -24,9 +24,9 @@ from uavgram.estimation.calibration.projection_uncertainty import (
 from uavgram.estimation.calibration.reliability import compute_corner_tests
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_result import CornerResults, ImageMaps, PhotoResults, Status
-from uavgram.model.flight.pose import Poses
+from uavgram.model.board import CornerResults, ImageMaps, PhotoResults, Status
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Poses
 from uavgram.stages.calibrate.assessment import AssessedCalibration, LeftOut
 
 

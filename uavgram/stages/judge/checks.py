@@ -15,9 +15,9 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_known
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
+from uavgram.model.observations import KnownLines, KnownWorldPoints
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.tables import PointChecks
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
 
 
 @dataclass(frozen=True, eq=False)

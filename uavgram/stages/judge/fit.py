@@ -24,10 +24,9 @@ from uavgram.estimation.survey.observations.observation import Kind
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures, listed
-from uavgram.model.result.known import KnownResults
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.result import GroupFactor
-from uavgram.model.result.tables import LineResults, PointChecks
+from uavgram.model.result.tables import KnownResults, LineResults, PointChecks
 
 MISFIT_PROBABILITY = 0.001
 """Probability by chance below which observations do not fit."""

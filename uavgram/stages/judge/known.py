@@ -12,11 +12,12 @@ from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.known import compute_known_rows, describe_thing
-from uavgram.geometry.ground.line_of_position import compute_line_offsets
+from uavgram.geometry.ground.conditions import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
-from uavgram.model.result.known import (
+from uavgram.model.observations import KnownThing, KnownThings, LinePosition
+from uavgram.model.result.tables import (
     NO_LINES_OF_POSITION,
     NOTHING_KNOWN,
     ControlLineResults,
@@ -24,7 +25,6 @@ from uavgram.model.result.known import (
     KnownStatus,
     LineOfPositionStatus,
 )
-from uavgram.model.survey.known import KnownThing, KnownThings, LinePosition
 from uavgram.stages.judge.lines import PICK_OR_CORRECT, describe_missing_picks
 from uavgram.stages.judge.tested_survey import TestedSurvey
 

@@ -12,12 +12,12 @@ from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observations.lengths import describe_ends, select_taped_known
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import PhotoExposures
+from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message, MessagePlural, propose_length_removal
 from uavgram.model.naming import figures, listed
+from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
-from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.picks import find_rows
 from uavgram.stages.judge.tested_survey import TestedSurvey, is_mount_open
 from uavgram.stages.remedies import read_first, report_one_of

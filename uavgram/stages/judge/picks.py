@@ -11,6 +11,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
+from uavgram.model.observations import Picks
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import (
     MeasurementResults,
@@ -18,7 +19,6 @@ from uavgram.model.result.tables import (
     PickStatus,
     is_only_by_program,
 )
-from uavgram.model.survey.observations import Picks
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 

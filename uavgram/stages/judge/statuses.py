@@ -11,8 +11,8 @@ from uavgram.estimation.reliability.test_statistics import TestedGroup
 from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.result.reliability import MeasurementStatus
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.judge.unchecked import is_unchecked
 
@@ -37,6 +37,16 @@ def is_moved(examined: TestedSurvey) -> Bools:
         change = _change_without(examined.groups[member.kind], member, measured.solved)
         moved |= np.abs(change) > DOUBTFUL_SIGMAS * sigma
     return moved
+
+
+def is_displaced(examined: TestedSurvey, table: MeasurementResults) -> Bools:
+    """Mark coordinates (M,) where log and control or known lines are shifted against each other.
+
+    Nothing shows which of the two is at the right place.
+    """
+    suspects = (member.kind for one in examined.suspicions for member in (one.suspect, *one.group))
+    is_shifted = "position_bias" in suspects
+    return np.array([is_shifted and kind == "coordinate" for kind in table.kind], dtype=np.bool_)
 
 
 def find_unconfirmed_ends(examined: TestedSurvey) -> set[str]:
@@ -91,7 +101,7 @@ def determine_statuses(
     contradicted, in_doubt
         Labels whose measurements are contradicted, or depend on observations that do not fit.
     """
-    unchecked, moved = is_unchecked(examined), is_moved(examined)
+    unchecked, moved = is_unchecked(examined), is_moved(examined) | is_displaced(examined, table)
     found: list[MeasurementStatus] = []
     for i, points in enumerate(table.points):
         if not np.isfinite(table.value[i]):

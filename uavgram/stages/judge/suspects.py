@@ -16,11 +16,10 @@ from uavgram.estimation.survey.observations.known import describe_thing
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural
+from uavgram.model.observations import NO_KNOWN, KnownLines, KnownThings, MeasurementRequest
 from uavgram.model.result.reliability import RemovalRecord
-from uavgram.model.survey.known import NO_KNOWN, KnownThings
-from uavgram.model.survey.observations import KnownLines, MeasurementRequest
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import read_first, report_not_located
 

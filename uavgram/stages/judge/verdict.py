@@ -14,8 +14,8 @@ from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.naming import listed, listed_photos
+from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
 from uavgram.stages.judge.statuses import determine_statuses, find_unconfirmed_ends
 from uavgram.stages.judge.tested_survey import TestedSurvey
@@ -64,7 +64,9 @@ def determine_verdict(
     because = [
         m
         for m in messages
-        if m.level != "info" and _effect(m) not in without and entry_of(m.code).part_of not in codes
+        if (m.level != "info" or _effect(m) is Effect.UNCHECKED)
+        and _effect(m) not in without
+        and entry_of(m.code).part_of not in codes
     ]
     because.sort(key=lambda m: _effect(m) is Effect.UNCHECKED)  # misfits first
     reasons = tuple(map(make_reason, because))

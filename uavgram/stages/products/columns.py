@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Attribute
 from uavgram.model.result.result import Result

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.geometry.motion.camera_motion import nadir_from_gimbal
 from uavgram.geometry.motion.rotation import ENU_FROM_NED, GIMBAL_FROM_CAMERA, ypr_from_matrix
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import GeoTags, PoseChoice, Poses
-from uavgram.model.survey.survey import World
+from uavgram.model.frames import GeoTags, PoseChoice, Poses
+from uavgram.model.survey import World
 
 
 def geotag(

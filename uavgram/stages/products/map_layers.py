@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import Poses
+from uavgram.model.frames import Poses
 from uavgram.model.maps import Features, Layer, ProfileSheet
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PlanarUncertainty, PointResults, ProfileResults

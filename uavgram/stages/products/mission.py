@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
+from uavgram.geometry.geodesy import Origin, geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Autopilot, HeightFrame, Mission
 from uavgram.model.planned import FlightPlanned

@@ -10,8 +10,7 @@ import numpy as np
 
 from uavgram.geometry.ground.row_projection import project_rows, row_poses
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.result.pictures import Region, Subject
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import Region, Result, Subject
 
 MOST_PHOTOS = 8
 MOST_POINTS, MOST_MEASUREMENTS = 120, 100

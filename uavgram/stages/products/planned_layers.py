@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import utm_crs
+from uavgram.geometry.geodesy import utm_crs
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Attribute, Features, Layer, ShapeKind
 from uavgram.model.planned import FlightPlanned

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.camera.projection import back_project
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import row_poses, sight_lines
 from uavgram.geometry.ground.top_view import MIN_SINE, View

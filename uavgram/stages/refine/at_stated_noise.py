@@ -13,8 +13,7 @@ from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.corrections import Cause
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis
 from uavgram.stages.refine.causes.identification import IdentifiedCauses, identify_causes
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights

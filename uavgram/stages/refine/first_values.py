@@ -31,10 +31,10 @@ from uavgram.estimation.first_poses.tied.two_views import add_turned_frames
 from uavgram.estimation.reliability.test_statistics import compute_cofactors
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.selection import replace_matches_by_picks
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.ground.plane_pose import pose_above_plane
+from uavgram.geometry.camera.projection import back_project
+from uavgram.geometry.ground.plane import pose_above_plane
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.frame_planes import describe_missing_input, find_frame_planes
 
 MAX_TILT_RAD, MAX_HEIGHT_RATIO = 0.1, 0.15

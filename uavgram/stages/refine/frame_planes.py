@@ -15,7 +15,7 @@ from uavgram.estimation.first_poses.known_frames import (
 from uavgram.estimation.first_poses.network import count_lines_per_frame, estimate_length_poses
 from uavgram.estimation.first_poses.prior_gate import OUTSIDE_PROBABILITY
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 
 class FramePlanes(NamedTuple):

@@ -20,8 +20,7 @@ from scipy.spatial import cKDTree
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import GroundConstraints, Sightings
+from uavgram.model.survey import GroundConstraints, Sightings, Survey
 
 NEIGHBOURS = 8
 """Ties around a label from which its ground is predicted: twelve give no better prediction."""

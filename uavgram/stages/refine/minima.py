@@ -30,7 +30,7 @@ from uavgram.estimation.survey.selection import (
 )
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Bools
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.first_values import (
     cost_with_lost,
     find_doubtful_frames,

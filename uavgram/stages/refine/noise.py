@@ -36,7 +36,7 @@ from uavgram.model.result.reliability import (
     PickNoise,
     SurfaceShape,
 )
-from uavgram.model.survey.survey import Relief, Survey
+from uavgram.model.survey import Relief, Survey
 from uavgram.stages.refine.noise_outliers import NoiseOutliers, find_noise_outliers
 from uavgram.stages.refine.readjustment import convert_state, find_used_lines, readjust
 

@@ -30,7 +30,7 @@ from uavgram.estimation.survey.departures import compute_heights
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.readjustment import readjust
 from uavgram.stages.remedies import make_height_remedy
 

@@ -18,7 +18,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.staged_sigmas import iterate, max_iterations
 
 

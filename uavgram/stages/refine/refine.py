@@ -21,7 +21,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise, find_participants
 from uavgram.stages.refine.causes.common_length_errors import report_possible_errors
 from uavgram.stages.refine.causes.correction import apply_corrections

@@ -26,12 +26,11 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refin
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.estimation.survey.names import ObservationNames
 from uavgram.estimation.survey.observations.observation import Suspicion
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, figures, listed
-from uavgram.model.survey.corrections import Cause
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey
 from uavgram.stages.remedies import report_not_located, report_one_of
 
 MIN_HEIGHT_M, MAX_HEIGHT_M = 0.3, 1000.0

@@ -29,12 +29,12 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCau
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
 from uavgram.estimation.survey.selection import remove_known, select_control, select_picks
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
-from uavgram.model.survey.survey import Ground, Survey
+from uavgram.model.survey import Ground, Survey
 from uavgram.stages.refine.annealing import (
     LEAST_REDUNDANCY,
     NEARLY_NONE,
@@ -638,13 +638,15 @@ def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Cand
 
 
 def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
-    """Leave out each known thing, and all control points where a log places the survey."""
-    things = [one.index for one in whole.survey.known if one.index not in whole.known_removed]
+    """Leave out each known thing, and all control points or, where no log places photos, each."""
+    survey, number = whole.survey, len(whole.survey.control_label)
+    things = [one.index for one in survey.known if one.index not in whole.known_removed]
     for thing in things if len(things) <= MOST_STARTS else []:
         yield replace(whole, known_removed=whole.known_removed | {thing})
-    if whole.survey.telemetry is not None and len(whole.survey.control_label):
-        none = np.zeros(len(whole.survey.control_label), dtype=np.bool_)
-        yield replace(whole, survey=select_control(whole.survey, none))
+    each: Bools = np.eye(number, dtype=np.bool_)[: number if number <= MOST_STARTS else 0]
+    left_out = each if survey.telemetry is None else np.ones((min(number, 1), number), dtype=np.bool_)
+    for rows in left_out:
+        yield replace(whole, survey=select_control(survey, ~rows))
 
 
 def _without_a_length(whole: Participants) -> Iterator[Participants]:

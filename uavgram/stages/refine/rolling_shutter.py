@@ -21,10 +21,10 @@ from uavgram.estimation.survey.rolling import (
     estimate_edge_shift_px,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.tags import UNKNOWN_READOUT, Readout
-from uavgram.model.flight.log import Track
+from uavgram.model.camera import UNKNOWN_READOUT, Readout
+from uavgram.model.flight_log import Track
 from uavgram.model.message import Message
-from uavgram.model.survey.survey import RollingShutter, Survey
+from uavgram.model.survey import RollingShutter, Survey
 from uavgram.stages.refine.readjustment import readjust
 
 USUAL_M_S = 7.0

@@ -20,8 +20,8 @@ from uavgram.estimation.solver.levenberg_marquardt import (
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.survey.survey import Survey
+from uavgram.model.camera import Calibration
+from uavgram.model.survey import Survey
 
 POOR_FOCAL_SIGMA = 0.05
 """Relative sigma of the focal length above which a camera is poorly known."""

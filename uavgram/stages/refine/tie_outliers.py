@@ -22,8 +22,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.result.reliability import Noise, PickNoise
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
+from uavgram.model.survey import NO_SIGHTINGS, Sightings, Survey
 from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.ground_from_ties import constrain_by_near_ties
 from uavgram.stages.refine.minima import Participants, find_best_minima

@@ -12,11 +12,11 @@ from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_tied_r
 from uavgram.estimation.first_poses.tied.placing import level_scene, transform
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.estimation.survey.selection import remove_ties
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import CandidatePoses
-from uavgram.model.survey.survey import Survey
+from uavgram.model.frames import CandidatePoses
+from uavgram.model.survey import Survey
 
 
 def add_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import FaultKind, FlightEvidence, LogFault
+from uavgram.model.flight_log import FaultKind, FlightEvidence, LogFault
+from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed
 

@@ -16,14 +16,14 @@ from uavgram.estimation.first_poses.heading_search import PlanPoints, search_hea
 from uavgram.estimation.first_poses.tied.bundle import compute_tied_rays
 from uavgram.estimation.first_poses.tied.placing import fit_to_positions
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.pose import PhotoExposures
+from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.naming import counted
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 MAX_MISFIT_SIGMAS = 4.0
 """Largest misfit of tied poses to the positions, in sigmas (root mean square)."""

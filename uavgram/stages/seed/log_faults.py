@@ -23,7 +23,7 @@ from uavgram.geometry.motion.interpolation import (
 )
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_xyzw
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.log import FaultKind, FlightEvidence, LogFault, Track
+from uavgram.model.flight_log import FaultKind, FlightEvidence, LogFault, Track
 
 MIN_ROWS = 8
 FROZEN_STEPS = 4

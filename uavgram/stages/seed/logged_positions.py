@@ -6,9 +6,8 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import to_utc
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import Boot, BootClock
-from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.flight_log import Boot, BootClock
+from uavgram.model.frames import Frames, PhotoPoses
 from uavgram.stages.seed.photo_exposures import HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M
 
 EARTH_M = 6.371e6

@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import Poses
+from uavgram.model.frames import Poses
 from uavgram.model.message import Message
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 MAX_SCATTER_RATIO = 0.2
 """Largest remaining share of the scatter for another mount to be reported. Errors of the log

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic
+from uavgram.geometry.geodesy import Origin, enu_from_geodetic
 from uavgram.geometry.motion.rotation import ENU_FROM_NED, matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
+from uavgram.model.frames import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.naming import counted_photos
 from uavgram.model.options import MountOptions, TelemetryOptions

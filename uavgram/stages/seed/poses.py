@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA, hat, matrix_from_ypr
-from uavgram.geometry.motion.telemetry_pose import (
+from uavgram.geometry.motion.camera_motion import (
     BORESIGHT,
     CLOCK,
     CLOCK_DRIFT,
@@ -16,9 +15,9 @@ from uavgram.geometry.motion.telemetry_pose import (
     exposures_by_time,
     predict_pose,
 )
+from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA, hat, matrix_from_ypr
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import Flight, PhotoExposures, Poses, Telemetry, TelemetryPrior
+from uavgram.model.frames import Flight, Frames, PhotoExposures, Poses, Telemetry, TelemetryPrior
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.fault_effects import Faults, find_unsure_s, free_priors
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import to_boot, to_utc
-from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic
+from uavgram.geometry.geodesy import Origin, enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
@@ -16,7 +16,7 @@ from uavgram.geometry.motion.rotation import (
     ypr_from_matrix,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     BootClock,

@@ -8,9 +8,9 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
-from uavgram.geometry.earth.gps_time import DAY_S, utc_text
+from uavgram.geometry.gps_time import DAY_S, utc_text
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.log import Boot, BootClock, FlightLog
+from uavgram.model.flight_log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
 
 # From the event to the exposure, common to all frames: small behind a feedback pin, unknown

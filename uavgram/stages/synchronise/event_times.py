@@ -22,9 +22,9 @@ import numpy as np
 
 from uavgram.estimation.clocks.alignment import Alignment
 from uavgram.estimation.clocks.clock_line import COARSE_STEP_S, to_utc
-from uavgram.geometry.earth.gps_time import span_text, utc_text
+from uavgram.geometry.gps_time import span_text, utc_text
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames, Pairing, PairStatus, Photos
+from uavgram.model.frames import Frames, Pairing, PairStatus, Photos
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot, is_inside

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses
-from uavgram.geometry.earth.gps_time import DAY_S
-from uavgram.model.flight.frames import Frames, Pairing, Photos
-from uavgram.model.flight.log import Boot, BootClock, FlightLog
+from uavgram.geometry.gps_time import DAY_S
+from uavgram.model.flight_log import Boot, BootClock, FlightLog
+from uavgram.model.frames import Frames, Pairing, Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import apart, has_events, usable_boots

@@ -10,15 +10,15 @@ from uavgram.estimation.clocks.tied_clock import TiedClock, estimate_tied_clock
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_rays
 from uavgram.estimation.first_poses.tied.placing import level_scene
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import ENU_FROM_NED
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.frames import Photos
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.stages.synchronise.boots import ClockedBoot
 from uavgram.stages.synchronise.event_times import HOW, Timing, file_sigma_s
 from uavgram.stages.tie_chains import find_ties

@@ -9,8 +9,8 @@ import numpy as np
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.alignment import Alignment, align
 from uavgram.estimation.clocks.clock_line import COARSE_STEP_S
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.log import Boot
+from uavgram.model.flight_log import Boot
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot, apart, is_inside, log_spans, photos_span

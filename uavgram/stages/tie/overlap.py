@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.projection import back_project, project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.pose import Poses
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Poses
 
 GRID = 8, 6
 """Columns and rows of the pixels by which the overlap of two photos is measured."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 
 
 def remarks(ties: TiePicks, photos: Sequence[str], file: str) -> Iterator[Message]:

@@ -16,24 +16,25 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
+from uavgram.model.observations import KnownLines
 from uavgram.model.planned import NextLines
-from uavgram.model.survey.observations import KnownLines
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import NO_SIGHTINGS
+from uavgram.model.survey import NO_SIGHTINGS, Survey
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.synthetic.plan.elimination import Functions, eliminate_points, whiten_readings
+from uavgram.synthetic.observations import is_inside
 from uavgram.synthetic.plan.layouts import (
     Candidates,
+    Functions,
     Objective,
     compute_criterion_with_one_more,
+    eliminate_points,
     invert,
+    whiten_readings,
 )
-from uavgram.synthetic.plan.wanted import compute_equal_weights, join_spots, make_spots
-from uavgram.synthetic.sight import is_inside
+from uavgram.synthetic.plan.scene import compute_equal_weights, join_spots, make_spots
 
 MIN_LENGTH_M, MAX_LENGTH_M = 3.0, 15.0
 MAX_SPOTS = 150

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.board import CalibrationResult
 from uavgram.views.style import scale_colours
 from uavgram.views.survey.outlines import nice_factor
 

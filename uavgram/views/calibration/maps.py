@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration_result import CalibrationResult, LensEffect
+from uavgram.model.board import CalibrationResult, LensEffect
 from uavgram.views.calibration.drawing_rules import (
     hex_colours,
     is_dark,

@@ -9,13 +9,7 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import shrink_jpeg
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import Board
-from uavgram.model.camera.calibration_result import (
-    CalibrationAccount,
-    CalibrationResult,
-    LensEffect,
-    ModelScore,
-)
+from uavgram.model.board import Board, CalibrationAccount, CalibrationResult, LensEffect, ModelScore
 from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.maps import (
     coverage_map,

@@ -9,8 +9,8 @@ import numpy as np
 from uavgram.estimation.calibration.difference import CameraDifference
 from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration, CameraProvenance
-from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
+from uavgram.model.board import CalibrationAccount, CalibrationResult
+from uavgram.model.camera import Calibration, CameraProvenance
 from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
 from uavgram.views.formatting import number

@@ -7,12 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_result import (
-    CalibrationAccount,
-    CalibrationResult,
-    LensEffect,
-)
+from uavgram.model.board import CalibrationAccount, CalibrationResult, LensEffect
+from uavgram.model.camera import Calibration
 from uavgram.views.calibration.drawing_rules import pixels_text
 from uavgram.views.formatting import LEVEL_RANK
 from uavgram.views.survey.outlines import largest_known

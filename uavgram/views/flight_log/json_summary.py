@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.clocks.clock_line import to_utc
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     BootSummary,
     CameraEvents,
     EstimatorSigmas,

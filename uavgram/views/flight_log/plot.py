@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 
 from uavgram.geometry.motion.rotation import matrix_from_xyzw, ypr_from_matrix
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     BootClock,

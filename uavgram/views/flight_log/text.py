@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     BootClock,
     BootSummary,
     CameraEvents,

@@ -16,8 +16,7 @@ import numpy as np
 from uavgram.errors import UavgramError
 from uavgram.model.naming import Column, columns_of
 from uavgram.model.result.reliability import Evidence
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import POSE_NAMES, Estimate
+from uavgram.model.result.result import POSE_NAMES, Estimate, Result
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 
 from uavgram.model.naming import counted
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import compare_cameras
+from uavgram.model.result.result import Result, compare_cameras
 from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
     LEVEL_RANK,

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
-from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import (
     footprints,
     measured_strips,

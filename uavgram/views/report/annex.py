@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import POSE_NAMES
+from uavgram.model.result.result import POSE_NAMES, Result
 from uavgram.views.formatting import number
 from uavgram.views.result_tables import select_most_doubtful
 from uavgram.views.survey.outlines import flight_order

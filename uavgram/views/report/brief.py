@@ -10,8 +10,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import listed
 from uavgram.model.provenance import case_from_options
-from uavgram.model.result.pictures import Pictures
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import Pictures, Result
 from uavgram.views.formatting import order_shapes_first
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.pictures import GROUND, picture_mark

@@ -11,7 +11,7 @@ from uavgram.estimation.reliability.redundancy import (
     compute_critical_value,
     compute_noncentrality,
 )
-from uavgram.geometry.ground.ellipse import ELLIPSE_95
+from uavgram.geometry.ground.figures import ELLIPSE_95
 from uavgram.model.naming import counted
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.result import Result

@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import OutputError
-from uavgram.model.result.pictures import NO_PICTURES, Pictures
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import compare_cameras
+from uavgram.model.result.result import NO_PICTURES, Pictures, Result, compare_cameras
 from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
     GROUP_WORDS,

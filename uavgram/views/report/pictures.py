@@ -12,9 +12,8 @@ import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.naming import counted
-from uavgram.model.result.pictures import Picture, Pictures, Region
-from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import Source
+from uavgram.model.observations import Source
+from uavgram.model.result.result import Picture, Pictures, Region, Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.formatting import (
     measurement_text,

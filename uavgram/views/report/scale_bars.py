@@ -9,8 +9,7 @@ import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Floats
-from uavgram.model.result.pictures import Region
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import Region, Result
 from uavgram.views.survey.drawing import Drawing
 from uavgram.views.survey.outlines import project_from
 from uavgram.views.units import round_bar, units_of

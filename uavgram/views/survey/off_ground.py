@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.geometry.ground.ellipse import ELLIPSOID_95, error_ellipsoid
+from uavgram.geometry.ground.figures import ELLIPSOID_95, error_ellipsoid
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.naming import METRIC, Units

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, row_poses
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result

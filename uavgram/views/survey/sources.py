@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import SOURCES, count_picks_by_source, is_only_by_program
-from uavgram.model.survey.observations import Source
 from uavgram.views.formatting import number
 
 SOURCE_WORDS: dict[Source, str] = {"hand": "by hand", "match": "matched", "target": "target"}

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.result.pictures import GroundPicture
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import GroundPicture, Result
 from uavgram.stages.products.map_layers import (
     ellipse_outlines,
     measured_strips,

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.naming import counted
+from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.views.formatting import NOT_COMPUTED, format_with_sigma
 
 # The usual limit in surveying for a check.

@@ -11,7 +11,7 @@ from scenes import cv_pixels
 
 from uavgram.estimation.first_poses.first_points import add_first_ties
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey import Sightings
 
 UP_M = 30.0
 

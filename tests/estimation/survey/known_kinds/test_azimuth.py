@@ -11,7 +11,7 @@ from scenes import make_scene
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
+from uavgram.model.observations import KnownThing
 
 ORIGIN = 15.9, 47.2
 """Longitude and latitude [deg], 0.9 degrees east of the meridian of its zone."""

@@ -14,7 +14,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import KnownRows, compute_known_rows
 from uavgram.estimation.survey.unknowns import State, apply_increment
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
+from uavgram.model.observations import KnownThing
 
 # Corners of a square of 4 m and a fifth point in line with two of them; then the same 1.5 m up.
 SQUARE = np.array([[-2.0, 0], [2, 0], [2, 4], [-2, 4], [6, 0]])

@@ -12,7 +12,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import apply_increment
-from uavgram.model.survey.known import ON_LINE, KnownThing, LinePosition, do_lines_fix_plan
+from uavgram.model.observations import ON_LINE, KnownThing, LinePosition, do_lines_fix_plan
 
 SIGMA = np.array([[0.02, 0.01, 0.03], [0.01, 0.03, 0.02]])
 

@@ -10,9 +10,9 @@ import scenes
 from scenes import Scene, make_scene
 
 from uavgram.model.message import Message
+from uavgram.model.observations import Along
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import Along
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.mirrored_photos import reflect
 

@@ -11,7 +11,7 @@ from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.reliability.hypotheses import compare_hypotheses
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.causes.common_length_errors import (
     MIN_SHARE_IN_RESIDUALS,
     _list_common_errors,

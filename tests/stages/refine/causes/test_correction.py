@@ -14,8 +14,7 @@ from scenes import Scene, make_scene
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.corrections import Cause, Ends, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Ends, Survey, SurveyCorrection
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.correction import MAX_LISTED, apply_corrections
 from uavgram.stages.refine.causes.identification import IdentifiedCauses

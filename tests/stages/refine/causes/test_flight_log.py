@@ -13,11 +13,11 @@ from scipy.stats import norm
 from uavgram.estimation.reliability.hypotheses import compare_hypotheses
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.motion.rotation import exp_so3
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import TelemetryPrior
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.flight_log import (
     USUAL_RAD,

@@ -13,8 +13,7 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.reliability.hypotheses import HypothesisTest, ObservationChange
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes import identification as room
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.identification import (

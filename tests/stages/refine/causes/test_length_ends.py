@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.model.survey.corrections import Ends, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Ends, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.length_ends import find_label_exchange_instead
 
 

@@ -12,8 +12,7 @@ from scenes import Scene
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import Cause, Ends, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Ends, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.identification import identify_causes
 from uavgram.stages.refine.causes.length_ends import propose_other_ends

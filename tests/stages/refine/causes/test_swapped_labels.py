@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenes import Scene
 
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes
 from uavgram.stages.refine.causes.swapped_labels import _misfit, propose_swapped_by_two_views

@@ -11,8 +11,7 @@ from scenes import Scene
 
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.corrections import Cause
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes

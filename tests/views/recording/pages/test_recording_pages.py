@@ -15,8 +15,7 @@ from uavgram.model.result.reliability import (
     RemovalRecord,
     WeakestLinks,
 )
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import AreaPlane
+from uavgram.model.result.result import AreaPlane, Result
 from uavgram.views.pages import MAX_ROWS, plain, table
 from uavgram.views.recording.curves import frame_curves, pose_curves
 from uavgram.views.recording.pages import (

@@ -12,11 +12,11 @@ from uavgram.estimation.first_poses.pose_problem import compute_across_axes, com
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.solver.sparse.structure import Structure
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.survey.survey import Survey
+from uavgram.model.camera import Calibration
+from uavgram.model.survey import Survey
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from uavgram.estimation.first_poses.tied.minimal_solvers import compute_essentia
 from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_trimmed
 from uavgram.geometry.motion.rotation import exp_so3, hat, nearest_rotation
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 MIN_POINTS = 10
 """Smallest number of points that two frames must share, and that must fit the rotation between

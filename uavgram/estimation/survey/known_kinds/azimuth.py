@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
-from uavgram.model.survey.known import KnownThing
+from uavgram.model.observations import KnownThing
 
 
 class Azimuth(KnownKind):

@@ -11,7 +11,7 @@ from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownK
 from uavgram.geometry.ground import conditions
 from uavgram.geometry.ground.conditions import Residuals
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
+from uavgram.model.observations import KnownThing
 
 
 @dataclass(frozen=True, kw_only=True)

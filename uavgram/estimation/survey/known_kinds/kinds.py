@@ -10,7 +10,7 @@ from uavgram.estimation.survey.known_kinds.conditions import CONDITIONS
 from uavgram.estimation.survey.known_kinds.known_kind import KnownKind
 from uavgram.estimation.survey.known_kinds.measured import MEASURED
 from uavgram.estimation.survey.known_kinds.on_line import LINE_OF_POSITION
-from uavgram.model.survey.known import ON_LINE, KnownThings
+from uavgram.model.observations import ON_LINE, KnownThings
 
 ALL_KINDS: dict[str, KnownKind] = {
     one.name: one for one in (*MEASURED, *CONDITIONS, AZIMUTH, LINE_OF_POSITION)

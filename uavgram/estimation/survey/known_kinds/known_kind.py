@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownThing
+from uavgram.model.survey import Survey
 
 Needs = Literal["nothing", "height", "relief", "tilt", "world"]
 """Condition under which a thing whose points are all on the ground is an observation.

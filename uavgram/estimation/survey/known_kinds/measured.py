@@ -17,9 +17,8 @@ from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownK
 from uavgram.geometry.ground import conditions, measurements
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import length_fault, number_fault
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.observations import MeasurementKind
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownThing, MeasurementKind
+from uavgram.model.survey import Survey
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
-from uavgram.geometry.ground.line_of_position import compute_joint_covariance, compute_line_offsets
-from uavgram.model.survey.known import ON_LINE, KnownThing
+from uavgram.geometry.ground.conditions import compute_joint_covariance, compute_line_offsets
+from uavgram.model.observations import ON_LINE, KnownThing
 
 
 class OnLine(KnownKind):

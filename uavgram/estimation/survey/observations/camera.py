@@ -12,7 +12,7 @@ from uavgram.estimation.survey.observations.priors import Prior, make_independen
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import parameter_names
+from uavgram.model.camera import parameter_names
 
 
 class Calibration(Observation):

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.observations.observation import (
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.observations import KnownWorldPoints
+from uavgram.model.observations import KnownWorldPoints
 
 
 class Control(Observation):

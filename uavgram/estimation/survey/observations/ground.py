@@ -15,7 +15,7 @@ from uavgram.estimation.survey.observations.priors import Prior, make_independen
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.ground_planes import PlanePrior

@@ -21,10 +21,10 @@ from uavgram.estimation.survey.observations.observation import (
 )
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State, unstack
-from uavgram.geometry.ground.line_of_position import compute_inverse_root
+from uavgram.geometry.ground.conditions import compute_inverse_root
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownThing
+from uavgram.model.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem

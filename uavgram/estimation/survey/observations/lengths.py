@@ -31,8 +31,8 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Remedy, propose_length_removal
 from uavgram.model.naming import figures
-from uavgram.model.survey.observations import KnownLines
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownLines
+from uavgram.model.survey import Survey
 
 
 class TapedLengths(NamedTuple):

@@ -20,7 +20,7 @@ from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 
 @dataclass(frozen=True, eq=False)

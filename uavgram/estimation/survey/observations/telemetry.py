@@ -20,8 +20,7 @@ from uavgram.estimation.survey.observations.observation import (
 from uavgram.estimation.survey.observations.priors import Prior, make_independent_prior
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_inverse
-from uavgram.geometry.motion.telemetry_pose import (
+from uavgram.geometry.motion.camera_motion import (
     BORESIGHT,
     CLOCK,
     CLOCK_DRIFT,
@@ -35,8 +34,9 @@ from uavgram.geometry.motion.telemetry_pose import (
     exposures_by_time,
     predict_pose,
 )
+from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_inverse
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
+from uavgram.model.frames import PhotoExposures, TelemetryPrior
 
 
 class Telemetry(Observation):

@@ -23,9 +23,9 @@ from uavgram.estimation.survey.observations.sightings import (
 )
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 
 PATCH_SIGMA_PX = 0.03
 """Sigma of the picked pixel itself in a chain [px]: the noise of the photo around it, which all

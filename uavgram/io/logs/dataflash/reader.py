@@ -17,19 +17,21 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.geometry.gps_time import utc_from_gps
 from uavgram.input_files import read_bytes
-from uavgram.io.logs.build import Table, build_log
-from uavgram.io.logs.dataflash.binary import index_binary
-from uavgram.io.logs.dataflash.formats import Columns, check_field_names
-from uavgram.io.logs.dataflash.tables import Tables, index_text
-from uavgram.io.logs.quality.boots import ANY_CODE, StatedResets
-from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
-from uavgram.io.logs.quality.rows import find_plausible_rows, find_restarts, is_height
-from uavgram.io.logs.quality.samples import clock_samples
-from uavgram.io.logs.topics import Found, Messages, Row, Topic, as_numbers
+from uavgram.io.logs.boots import ANY_CODE, StatedResets, Table, build_log
+from uavgram.io.logs.camera_events import events_of, gimbal_from_angles, image_numbers
+from uavgram.io.logs.dataflash.tables import (
+    Columns,
+    Tables,
+    check_field_names,
+    index_binary,
+    index_text,
+)
+from uavgram.io.logs.messages import Found, Messages, Row, Topic, as_numbers
+from uavgram.io.logs.samples import clock_samples, find_plausible_rows, find_restarts, is_height
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
+from uavgram.model.flight_log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|Blimp|AntennaTracker)\s+V?\d[\w.\-]*(\s+\(\w+\))?")
 _ODD_ONES = 0.05  # share of all rows: fewer rows of another mount are damaged numbers of this one

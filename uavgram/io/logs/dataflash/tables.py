@@ -1,21 +1,178 @@
-"""Messages of a DataFlash log by type, in binary or text form; columns are decoded on demand.
+"""Messages of ArduPilot's DataFlash log (.bin, .BIN, text .log) as columns, decoded on demand.
+
+The layout is ArduPilot's (libraries/AP_Logger/LogStructure.h): every message starts with 0xA3 0x95
+and its type; type 0x80 (FMT) defines the others: length, name, one format character per field,
+field names. A message may have no field at all (STRT until 2014: the vehicle was started).
 
 Logs in text form (.log), as written by Mission Planner, are indexed here.
+
+The format has no checksum: users of these columns must check the values.
 """
 
 from __future__ import annotations
 
+import os
+import re
 from abc import ABC, abstractmethod
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Self
+from functools import lru_cache
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash.formats import FMT, TEXT_CHARACTERS, Columns, Format, fields_of
+
+Columns = dict[str, NDArray[Any]]
+
+HEADER = b"\xa3\x95"
+FMT_TYPE, FMT_LENGTH = 0x80, 89
+
+# Format character: numpy type, and divisor of the stored integer. Division, not multiplication by
+# 0.01 or 1e-7: 12345 / 100 is the double nearest to 123.45.
+_NUMPY_TYPES: dict[str, tuple[str, float | None]] = {
+    "a": ("(32,)<i2", None),
+    "b": ("<i1", None),
+    "B": ("<u1", None),
+    "M": ("<i1", None),
+    "h": ("<i2", None),
+    "H": ("<u2", None),
+    "i": ("<i4", None),
+    "I": ("<u4", None),
+    "q": ("<i8", None),
+    "Q": ("<u8", None),
+    "g": ("<f2", None),
+    "f": ("<f4", None),
+    "d": ("<f8", None),
+    "n": ("S4", None),
+    "N": ("S16", None),
+    "Z": ("S64", None),
+    "c": ("<i2", 100.0),
+    "C": ("<u2", 100.0),
+    "e": ("<i4", 100.0),
+    "E": ("<u4", 100.0),
+    "L": ("<i4", 1e7),
+}
+_PLACE, _ANGLES = ("TimeUS", "Lat", "Lng", "Alt"), ("TimeUS", "Roll", "Pitch", "Yaw")
+# order of the fields read here, in every firmware since 3.3
+_ORDERS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "POS": ((*_PLACE, "RelHomeAlt"),),
+    "GPS": (_PLACE,),
+    "ORGN": (("TimeUS", "Type", "Lat", "Lng", "Alt"),),
+    "ATT": (_ANGLES, ("DesRoll", "Roll", "DesPitch", "Pitch", "DesYaw", "Yaw")),
+    "MNT": (("TimeUS", "DRoll", "Roll", "DPitch", "Pitch", "DYawB", "YawB", "DYawE", "YawE"),),
+}
+TEXT_CHARACTERS = "nNZa"  # neither numbers nor scaled
+
+
+@lru_cache(maxsize=1024)
+def _record_type(fields: tuple[str, ...], characters: str) -> np.dtype[Any] | None:
+    if len(fields) != len(characters) or len(set(fields)) != len(fields) or not all(fields):
+        return None
+    if any(c not in _NUMPY_TYPES for c in characters):
+        return None
+    return np.dtype([(f, _NUMPY_TYPES[c][0]) for f, c in zip(fields, characters, strict=True)])
+
+
+@dataclass(frozen=True)
+class Format:
+    """One message type as defined in a file.
+
+    Attributes
+    ----------
+    number, length
+        Type byte; bytes of the whole message, its three header bytes included.
+    name, characters, fields
+        As in the FMT message.
+    """
+
+    number: int
+    length: int
+    name: str
+    characters: str
+    fields: tuple[str, ...]
+
+    def dtype(self) -> np.dtype[Any] | None:
+        """Return the structured type of the bytes after the header; None for an invalid format."""
+        dtype = _record_type(self.fields, self.characters)
+        return dtype if dtype is not None and dtype.itemsize + 3 == self.length else None
+
+    def decoded(self, data: NDArray[np.uint8], starts: NDArray[np.int64]) -> Columns:
+        """Return every field as a column, scaled according to its format character.
+
+        Parameters
+        ----------
+        data
+            Bytes of the file.
+        starts
+            (N,) offsets of complete messages of this format.
+        """
+        dtype = self.dtype()
+        if not dtype:  # no format, or one without fields
+            return {}
+        # view of records starting at every byte, to gather those behind the headers
+        room = len(data) - self.length + 1
+        records = np.ndarray((room,), dtype, data, offset=3, strides=(1,))[starts]
+        return {
+            field: _scaled(records[field], _NUMPY_TYPES[c][1])
+            for field, c in zip(self.fields, self.characters, strict=True)
+        }
+
+
+def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
+    return np.ascontiguousarray(raw) if divisor is None else raw / divisor
+
+
+FMT = Format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
+"""Layout of all format messages.
+
+Logs of 2012 to 2014 state it with one name too few, so the definition in a log is not used.
+"""
+
+
+def fields_of(names: str) -> tuple[str, ...]:
+    """Return the field names of a format message, which joins them by commas."""
+    return tuple(names.split(",")) if names else ()
+
+
+def check_field_names(fmt: Format) -> tuple[str, ...]:
+    """Return a remark if no firmware writes a message of this name with its fields in this order.
+
+    The names are then damaged or exchanged: every value of the message has another field's name, or
+    the gimbal's messages have an unknown name.
+    """
+    if fmt.name != "MNT" and {"Roll", "Pitch", "YawB", "YawE"} <= set(fmt.fields):
+        return (f"{fmt.name} messages look like the gimbal's (MNT): not used, their name is odd",)
+    for order in _ORDERS.get(fmt.name, ()):
+        stated = [fmt.fields.index(field) for field in order if field in fmt.fields]
+        if stated != sorted(stated):
+            text = f"the format of {fmt.name} names {', '.join(order)} in an order of no firmware"
+            return (f"{text}: its values may have wrong names",)
+    return ()
+
+
+def format_at(data: bytes, start: int) -> Format | None:
+    """Return the format message at this offset; None if it is incomplete or invalid."""
+    return _format_of(data[start + 3 : start + FMT_LENGTH])
+
+
+@lru_cache(maxsize=1024)  # a log states some 200 formats, each read twice
+def _format_of(body: bytes) -> Format | None:
+    """Parse a format message without its header; None as in `format_at`."""
+    if len(body) < FMT_LENGTH - 3:
+        return None
+    name, characters, fields = (
+        part.split(b"\0")[0].decode("latin-1") for part in (body[2:6], body[6:22], body[22:86])
+    )
+    if (body[0], body[1], name) == (FMT.number, FMT.length, FMT.name):
+        return FMT
+    fmt = Format(body[0], body[1], name, characters, fields_of(fields))
+    named = re.fullmatch(r"[A-Za-z0-9_]{1,4}", name) is not None
+    return fmt if named and fmt.dtype() is not None else None
+
 
 _LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
 
@@ -242,3 +399,165 @@ def _add_format(
 def _is_small(text: str) -> bool:
     """Return whether a text is a number of a few digits."""
     return text.isascii() and text.isdecimal() and len(text) < 6
+
+
+#: Offsets of the messages of each of the 256 types, in the order of the file.
+Starts = list[list[int]]
+
+_SUSPICIOUS = 0.01  # share of unread bytes above which the index is made again
+
+
+@dataclass(frozen=True, eq=False)
+class BinaryTables(Tables):
+    """A binary DataFlash file, indexed; `data` are its bytes."""
+
+    data: NDArray[np.uint8]
+
+    def decoded(self, fmt: Format, starts: list[int]) -> Columns:
+        """Return every field of the messages at these offsets, as columns."""
+        return fmt.decoded(self.data, np.array(starts, dtype=np.int64))
+
+
+def index_binary(path: str, data: bytes) -> BinaryTables:
+    """Find every message of a binary DataFlash file.
+
+    Raises
+    ------
+    InputError
+        The bytes are not a DataFlash file.
+    """
+    if HEADER + bytes([FMT_TYPE]) not in data[:65536]:
+        raise InputError(
+            path,
+            "is no DataFlash log (no format message in its first 64 kB); "
+            "give the .bin from the autopilot's memory card, or a .tlog under that suffix",
+        )
+    starts = index_by_pymavlink(data)
+    tables = None if starts is None else _tables(data, starts)
+    if tables is not None and starts is not None and (end := _end(tables)) < len(data):
+        # the compiled indexer ends at the first unknown type: continue behind it
+        lengths = {p.format.number: p.format.length for ps in tables.pieces.values() for p in ps}
+        rest = index_by_loop(data, end, lengths)
+        if any(rest):
+            tables = _tables(data, [a + b for a, b in zip(starts, rest, strict=True)])
+    if tables is None or _unread(tables) > _SUSPICIOUS * len(data):
+        # A damaged format message changes the length of a type: the loop checks format messages.
+        checked = _tables(data, index_by_loop(data))
+        tables = checked if tables is None or _unread(checked) < _unread(tables) else tables
+    unread = _unread(tables)
+    if not unread:
+        return tables
+    note = f"{unread} of {len(data)} bytes belong to no complete message"
+    return replace(tables, notes=(*tables.notes, note))
+
+
+def _tables(data: bytes, starts: Starts) -> BinaryTables:
+    """Return formats and complete messages, from the offsets of each of the 256 types."""
+    formats, notes = _read_formats(data, starts[FMT_TYPE])
+    pieces: dict[str, list[FormatPiece]] = {}
+    for number, stated in formats.items():
+        edges = [0, *(start for start, _ in stated[1:]), len(data)]
+        for k, (_, fmt) in enumerate(stated):
+            found = select_inside(starts[number], edges[k], edges[k + 1])
+            while found and found[-1] + fmt.length > len(data):
+                found.pop()  # incomplete message at the end of a truncated file
+            if found:
+                pieces.setdefault(fmt.name, []).append(FormatPiece(fmt, found))
+    ordered = {n: tuple(sorted(p, key=lambda piece: piece.starts[0])) for n, p in pieces.items()}
+    return BinaryTables(ordered, tuple(notes), np.frombuffer(data, dtype=np.uint8))
+
+
+def _end(tables: BinaryTables) -> int:
+    """Return the end of the last complete message."""
+    ends = (p.starts[-1] + p.format.length for parts in tables.pieces.values() for p in parts)
+    return max(ends, default=0)
+
+
+def _unread(tables: BinaryTables) -> int:
+    """Return the number of bytes outside of complete messages."""
+    parts = (piece for pieces in tables.pieces.values() for piece in pieces)
+    return max(len(tables.data) - sum(len(p.starts) * p.format.length for p in parts), 0)
+
+
+def _read_formats(
+    data: bytes, starts: list[int]
+) -> tuple[dict[int, list[tuple[int, Format]]], list[str]]:
+    """Return the formats of each type number with their first bytes, and remarks."""
+    stated: dict[int, list[tuple[int, Format]]] = {FMT_TYPE: [(0, FMT)]}
+    notes: list[str] = []
+    for start in starts:
+        fmt = format_at(data, start)
+        if fmt is None:
+            notes.append(f"a format message at byte {start} makes no sense and was skipped")
+            continue
+        known = stated.setdefault(fmt.number, [])
+        if known and known[-1][1] == fmt:
+            continue
+        if known:
+            notes.append(f"the format of {known[-1][1].name} changes at byte {start}")
+        known.append((start, fmt))
+    return stated, notes
+
+
+def index_by_pymavlink(data: bytes) -> Starts | None:
+    """Index with pymavlink's compiled indexer (since 2.4.50); None if this pymavlink has none."""
+    try:
+        from pymavlink import dfindexer  # noqa: PLC0415 - absent in older releases
+    except ImportError:
+        return None
+    if not dfindexer.available:
+        return None
+    with _silent_standard_error():  # it prints a line for every byte that it skips
+        starts: Starts = dfindexer.build_offsets(
+            memoryview(data), FMT_TYPE, FMT_LENGTH, 3, 4, HEADER[0], HEADER[1]
+        )
+    return starts
+
+
+def index_by_loop(
+    data: bytes, first: int = 0, known_lengths: dict[int, int] | None = None
+) -> Starts:
+    """Index without the compiled indexer; only plausible format messages are used.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file.
+    first
+        First byte.
+    known_lengths
+        Bytes of a message by its type, as stated before `first`.
+    """
+    starts: Starts = [[] for _ in range(256)]
+    lengths = [0] * 256
+    for number, length in (known_lengths or {}).items():
+        lengths[number] = length
+    lengths[FMT_TYPE] = FMT_LENGTH
+    at = data.find(HEADER, first)
+    while 0 <= at < len(data) - 2:
+        number = data[at + 2]
+        fmt = format_at(data, at) if number == FMT_TYPE else None
+        if fmt is not None:
+            lengths[fmt.number] = fmt.length
+        if not lengths[number] or (number == FMT_TYPE and fmt is None):
+            at = data.find(HEADER, at + 1)
+            continue
+        starts[number].append(at)
+        end = at + lengths[number]
+        # if no message follows, bytes are missing or damaged: search again from inside this one
+        at = end if data[end : end + 2] == HEADER else data.find(HEADER, at + 3)
+    return starts
+
+
+@contextmanager
+def _silent_standard_error() -> Iterator[None]:
+    """Redirect file descriptor 2 to the null device: C code does not write through sys.stderr."""
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)

@@ -24,9 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.io.logs.mavlink_dialect import checksum_extra, message_dtype, message_number
-from uavgram.io.logs.quality.rows import LONGEST_BOOT_S, find_restarts
-from uavgram.io.logs.topics import Messages, Topic
+from uavgram.io.logs.messages import Messages, Topic, checksum_extra, message_dtype, message_number
+from uavgram.io.logs.samples import LONGEST_BOOT_S, find_restarts
 from uavgram.model.arrays import Bools, Floats, Ints
 
 Words = NDArray[np.integer[Any]]  # unsigned

@@ -16,16 +16,13 @@ from uavgram.errors import InputError
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_ypr, ypr_from_matrix
 from uavgram.input_files import read_bytes
-from uavgram.io.logs.build import Table, build_log, read_first
-from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
-from uavgram.io.logs.quality.boots import StatedResets
-from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
-from uavgram.io.logs.quality.rows import find_plausible_rows
-from uavgram.io.logs.quality.samples import attitude_samples, quaternions_of_angles
+from uavgram.io.logs.boots import StatedResets, Table, build_log, read_first
+from uavgram.io.logs.camera_events import events_of, gimbal_from_angles, image_numbers
+from uavgram.io.logs.messages import Found, Row, Topic, message_name, vehicle_kind
+from uavgram.io.logs.samples import attitude_samples, find_plausible_rows, quaternions_of_angles
 from uavgram.io.logs.tlog.frames import FrameTable, Stream, find_vehicles, scan_frames, split_boots
-from uavgram.io.logs.topics import Found, Row, Topic
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
+from uavgram.model.flight_log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
 _LARGEST_RAD = 7.0  # of an angle: some firmware sends 2 pi for 0

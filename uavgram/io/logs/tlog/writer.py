@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import all as dialect
 
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import SimulatedLog
+from uavgram.model.flight_log import SimulatedLog
 
 LINK_DELAY_S = 0.06  # delay of the radio; the receiver's clock is right
 FEEDBACK_DELAY_S = 0.02  # a camera reports after the exposure

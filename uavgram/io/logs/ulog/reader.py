@@ -12,16 +12,14 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
-from uavgram.io.logs.build import Table, build_log
-from uavgram.io.logs.mavlink_dialect import vehicle_kind
-from uavgram.io.logs.quality.boots import StatedResets
-from uavgram.io.logs.quality.camera import events_of, image_numbers
-from uavgram.io.logs.quality.rows import find_plausible_rows
-from uavgram.io.logs.topics import Found, Row, Topic
-from uavgram.io.logs.ulog.topics import UlogTables, read_tables
+from uavgram.geometry.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
+from uavgram.io.logs.boots import StatedResets, Table, build_log
+from uavgram.io.logs.camera_events import events_of, image_numbers
+from uavgram.io.logs.messages import Found, Row, Topic, vehicle_kind
+from uavgram.io.logs.samples import find_plausible_rows
+from uavgram.io.logs.ulog.tables import UlogTables, read_tables
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.log import CameraEvents, FlightLog, MessageCount
+from uavgram.model.flight_log import CameraEvents, FlightLog, MessageCount
 
 # lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
 _RELEASE_KINDS = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "release"}

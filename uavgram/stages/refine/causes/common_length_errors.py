@@ -24,9 +24,9 @@ from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import select_taped_lines
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import PhotoExposures
+from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import SurveyCorrection
+from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 
 MIN_LENGTHS = 2

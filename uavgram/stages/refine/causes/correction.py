@@ -17,11 +17,10 @@ from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.estimation.survey.selection import Selection, remove_known, select_picks, widen_poses
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.corrections import Cause, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
 from uavgram.stages.refine.minima import FULL, TRIAL_ITERATIONS, Participants, adjust_on_trial
 from uavgram.stages.refine.readjustment import convert_state

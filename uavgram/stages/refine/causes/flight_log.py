@@ -16,14 +16,14 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import HypothesisTest, ObservationChange
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
+from uavgram.geometry.motion.camera_motion import CLOCK, HEADING_BIAS, POSITION_BIAS
 from uavgram.geometry.motion.interpolation import SmoothPositions
 from uavgram.geometry.motion.rotation import matrix_from_ypr
-from uavgram.geometry.motion.telemetry_pose import CLOCK, HEADING_BIAS, POSITION_BIAS
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
+from uavgram.model.frames import PhotoExposures, TelemetryPrior
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.turned_photos import find_misplaced_photos
 

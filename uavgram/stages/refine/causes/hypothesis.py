@@ -22,9 +22,8 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refin
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import SurveyCorrection
-from uavgram.model.survey.observations import Along
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import Along
+from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.first_values import LOST_PICK_COST
 from uavgram.stages.refine.minima import Participants
 

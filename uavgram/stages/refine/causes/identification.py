@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import Cause, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.common_length_errors import (
     propose_common_errors,
     propose_taped_level,

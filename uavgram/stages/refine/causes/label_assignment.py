@@ -16,8 +16,7 @@ from uavgram.estimation.first_poses.consensus import (
     project_plane,
 )
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.projection import back_project, project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.stages.refine.causes.hypothesis import Diagnosis
 from uavgram.stages.refine.causes.stray_picks import labels_of

@@ -13,8 +13,7 @@ from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import Ends, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Ends, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.suspect_lengths import (
     MAX_LENGTHS,

@@ -16,8 +16,7 @@ from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
-from uavgram.model.survey.corrections import SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.flight_log import scale_by_heights
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.suspect_lengths import (

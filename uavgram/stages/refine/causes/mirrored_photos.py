@@ -19,8 +19,7 @@ from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.minima import TRIAL_ITERATIONS
 from uavgram.stages.refine.readjustment import find_used_lines

@@ -17,12 +17,11 @@ from uavgram.estimation.reliability.hypotheses import (
 )
 from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.survey.corrections import SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.causes.turned_photos import (

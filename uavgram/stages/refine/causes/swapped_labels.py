@@ -15,10 +15,10 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.reliability.test_statistics import compute_reductions
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.survey.corrections import SurveyCorrection
+from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis, find_usable_picks
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.causes.wrong_picks import swapped_message

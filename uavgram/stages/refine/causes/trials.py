@@ -14,7 +14,7 @@ from uavgram.estimation.reliability.redundancy import (
     compute_upper_tail,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.survey.corrections import SurveyCorrection
+from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (

@@ -12,12 +12,12 @@ from uavgram.estimation.first_poses.consensus import AGREEMENT_SIGMAS, MIN_PICKS
 from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.adjustment import LeftOutCause
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
-from uavgram.model.survey.corrections import Cause, SurveyCorrection
+from uavgram.model.survey import Cause, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.label_assignment import assign_labels
 from uavgram.stages.refine.causes.stray_picks import labels_of

@@ -15,8 +15,7 @@ from uavgram.estimation.reliability.hypotheses import (
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
-from uavgram.model.survey.corrections import Cause, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import STRAY_DECREASE, find_stray_picks, labels_of
 from uavgram.stages.refine.off_ground import off_ground_message

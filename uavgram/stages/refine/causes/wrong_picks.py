@@ -12,7 +12,7 @@ from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import photo_name
-from uavgram.model.survey.corrections import SurveyCorrection
+from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import (
     StrayPicks,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
+from uavgram.model.board import CalibrationAccount, CalibrationResult
 from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.text import parameter_cells
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration

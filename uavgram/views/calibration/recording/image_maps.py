@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.board import CalibrationResult
 from uavgram.views.calibration.drawing_rules import (
     mean_residual_factor,
     pixels_text,

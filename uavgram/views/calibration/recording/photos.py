@@ -9,7 +9,7 @@ import rerun as rr
 
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Bools
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.board import CalibrationResult
 from uavgram.views.calibration.drawing_rules import SQRT2, residual_factor, rows_by_photo
 from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, SceneExtent
 from uavgram.views.recording.stream import Recorder

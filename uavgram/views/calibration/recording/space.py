@@ -13,7 +13,7 @@ import rerun as rr
 
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.board import CalibrationResult
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, OBSERVED, QUIET, REFINED, Rgb
 

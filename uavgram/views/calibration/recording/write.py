@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
+from uavgram.model.board import CalibrationAccount, CalibrationResult
 from uavgram.views.calibration.drawing_rules import SQRT2, mean_residual_factor, residual_factor
 from uavgram.views.calibration.recording.documents import (
     CAMERA_PAGE,

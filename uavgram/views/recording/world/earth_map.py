@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import (

@@ -6,8 +6,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import Source
 from uavgram.views.formatting import size_text
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder

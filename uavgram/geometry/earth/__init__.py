@@ -1,1 +1,0 @@
-"""Relation of the local world to the earth and to time: geodesy, map projections, GPS time."""

@@ -1,1 +1,0 @@
-"""Coded plates in the field: detection, and measurement to hundredths of a pixel."""

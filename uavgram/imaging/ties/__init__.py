@@ -1,1 +1,0 @@
-"""Tie points between photos: features and their matches."""

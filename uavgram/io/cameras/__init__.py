@@ -1,1 +1,0 @@
-"""Camera files of other programs, and the table of drone cameras."""

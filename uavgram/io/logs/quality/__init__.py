@@ -1,1 +1,0 @@
-"""Checks of the rows of a log, independent of its format."""

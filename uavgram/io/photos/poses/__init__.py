@@ -1,1 +1,0 @@
-"""Position and attitude of each photo from tags, image logs and tables."""

@@ -1,1 +1,0 @@
-"""Camera: interior orientation, its sources, and results of a calibration."""

@@ -1,1 +1,0 @@
-"""Data of a flight: log, photos, poses."""

@@ -1,1 +1,0 @@
-"""Observations by people and programs, and the survey that enters the adjustment."""

@@ -1,1 +1,0 @@
-"""Rendered photos of the built-in scene: ground, cars, marks, plates."""

@@ -1,0 +1,480 @@
+"""Methods to find the pose of one photo, compared on the same scenes with the same information."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.first_poses.known_lines import compute_direct_poses, poses_from_lines
+from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
+from uavgram.estimation.first_poses.pose_problem import LineRows
+from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.geometry.camera.projection import back_project_with_jacobian
+from uavgram.geometry.ground.plane import intersect_ground_with_jacobian, pose_above_plane
+from uavgram.geometry.motion.rotation import hat
+from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.camera import Calibration
+from uavgram.model.simulation import MethodRow, PhotoDesign, PhotoDraws
+from uavgram.synthetic.single_photos import LOG_SIGMA, MethodScenes, Setting, draw_scenes
+
+Starts = tuple[Floats, Floats]
+"""Centres (B, S, 3) and rotations (B, S, 3, 3) of S starts of each scene; NaN: no more."""
+
+
+def make_line_rows(scenes: MethodScenes) -> LineRows:
+    """Return the picks of the scenes' lines, for a first pose."""
+    count = len(scenes.pixel_px)
+    ray, by_pixel, _ = back_project_with_jacobian(
+        scenes.calibration.model,
+        scenes.calibration.parameters,
+        scenes.pixel_px.reshape(count, -1, 2),
+    )
+    along = scenes.place_m[:, :, 1] - scenes.place_m[:, :, 0]
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    return LineRows(
+        ray=ray,
+        ray_root=by_pixel[..., :2, :] * scenes.pick_sigma_px,
+        start_m=scenes.place_m.reshape(count, -1, 2),
+        along=np.repeat(along, 2, axis=1),
+        sigma_m=np.full(ray.shape[:2], scenes.place_sigma_m),
+    )
+
+
+def find_line_starts(scenes: MethodScenes) -> Starts:
+    """Return the best poses of the search with lines."""
+    ends = poses_from_lines(make_line_rows(scenes))
+    some = np.isfinite(ends.cost)[..., None]
+    return np.where(some, ends.state[0], np.nan), np.where(some[..., None], ends.state[1], np.nan)
+
+
+def find_point_starts(scenes: MethodScenes) -> Starts:
+    """Return both poses of OpenCV's IPPE; it takes four points."""
+    count = len(scenes.pixel_px)
+    center, rotation = np.full((count, 2, 3), np.nan), np.full((count, 2, 3, 3), np.nan)
+    start = scenes.pixel_px[:, :, 0]
+    ray, _, _ = back_project_with_jacobian(
+        scenes.calibration.model, scenes.calibration.parameters, start
+    )
+    place = scenes.place_m[:, :, 0]
+    world = np.concatenate([place, np.zeros((*place.shape[:2], 1))], axis=-1)
+    for k in range(count if start.shape[1] >= MIN_POINTS else 0):
+        found = find_poses_from_points(world[k], ray[k])
+        if found is not None:
+            some = min(2, len(found[0]))
+            center[k, :some], rotation[k, :some] = found[0][:some], found[1][:some]
+    return center, rotation
+
+
+def find_length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
+    """Return poses above the planes that explain the lengths, with the origin as foot point."""
+    count, lines = scenes.pixel_px.shape[:2]
+    end = np.broadcast_to(np.arange(2 * lines), (count, 2 * lines))
+    frames = LengthFrames(
+        pixel_px=scenes.pixel_px.reshape(count, -1, 2),
+        pixel_sigma_px=np.full((count, 2 * lines), scenes.pick_sigma_px),
+        start=end[:, ::2],
+        end=end[:, 1::2],
+        length_m=scenes.length_m,
+        length_sigma_m=np.full(scenes.length_m.shape, scenes.length_sigma_m),
+    )
+    center, rotation = np.full((count, most, 3), np.nan), np.full((count, most, 3, 3), np.nan)
+    for k, candidates in enumerate(search_frames(scenes.calibration, frames)):
+        for j, plane in enumerate(candidates.plane[:most]):
+            center[k, j], rotation[k, j] = pose_above_plane(plane)
+    return center, rotation
+
+
+def get_log_starts(scenes: MethodScenes) -> Starts:
+    """Return the logged poses."""
+    return scenes.logged[0][:, None], scenes.logged[1][:, None]
+
+
+def find_direct_starts(scenes: MethodScenes) -> Starts:
+    """Return the direct linear transformation of lines."""
+    center, rotation = compute_direct_poses(make_line_rows(scenes))
+    return center[:, None], rotation[:, None]
+
+
+MAX_RMS_ERROR = 0.05
+"""Relative root mean square error of withheld distances above which a method has failed."""
+NORMAL_QUANTILE_95 = 1.959964
+
+
+@dataclass(frozen=True, eq=False)
+class MethodResults:
+    """Results of a method for B scenes.
+
+    Attributes
+    ----------
+    error_m
+        (B, m) of the withheld distances; NaN where there is no pose.
+    sigma_m
+        (B, m) predicted; inf where the pose is undetermined; NaN for methods that predict none.
+    true_m
+        (B, m) the distances.
+    cost
+        (B,) sum of squares.
+    ambiguous
+        (B,) whether the method reports that another pose fits as well.
+    """
+
+    error_m: Floats
+    sigma_m: Floats
+    true_m: Floats
+    cost: Floats
+    ambiguous: Bools
+
+    @property
+    def rms_m(self) -> Floats:
+        """(B,) of each scene; inf where there is no pose."""
+        return np.asarray(np.nan_to_num(np.sqrt(np.mean(self.error_m**2, axis=1)), nan=np.inf))
+
+    @property
+    def failed(self) -> Bools:
+        """(B,) whether the distances are useless."""
+        return self._are_useless(self.error_m)
+
+    @property
+    def told(self) -> Bools:
+        """(B,) whether the method reports that: by no pose, by another one, or by its sigmas."""
+        said = self.ambiguous | ~np.isfinite(self.error_m).all(axis=1)
+        if np.isnan(self.sigma_m).all():  # it predicts none
+            return said
+        return said | self._are_useless(self.sigma_m)
+
+    def _are_useless(self, off_m: Floats) -> Bools:
+        share = np.sqrt(np.mean((off_m / self.true_m) ** 2, axis=1))
+        return ~np.asarray(share <= MAX_RMS_ERROR)
+
+
+def make_row(setting: str, method: str, parts: list[MethodResults]) -> MethodRow:
+    """Return the row of one method.
+
+    Parameters
+    ----------
+    setting, method
+        Names.
+    parts
+        Results, from the scenes with least features to those with most.
+    """
+    rms = np.concatenate([one.rms_m for one in parts])
+    failed = np.concatenate([one.failed for one in parts])
+    told = np.concatenate([one.told for one in parts])
+    # errors in predicted sigmas, of scenes with a determined pose
+    z = np.concatenate([(one.error_m / one.sigma_m).ravel() for one in parts])
+    z = z[np.isfinite(z) & np.isfinite(np.concatenate([one.sigma_m.ravel() for one in parts]))]
+    return MethodRow(
+        setting=setting,
+        method=method,
+        scenes=len(rms),
+        rms_m=float(np.median(rms)),
+        ninth_m=float(np.quantile(rms, 0.9, method="inverted_cdf")),
+        fewest_m=float(np.median(parts[0].rms_m)),
+        most_m=float(np.median(parts[-1].rms_m)),
+        failed=float(failed.mean()),
+        ambiguous=float(np.concatenate([one.ambiguous for one in parts]).mean()),
+        told=float(told.mean()),
+        failed_silently=float((failed & ~told).mean()),
+        coverage=float(np.mean(np.abs(z) <= NORMAL_QUANTILE_95)) if len(z) else float("nan"),
+        z=float(np.sqrt(np.mean(z**2))) if len(z) else float("nan"),
+    )
+
+
+LINES = frozenset({"start on line", "end on line"})
+"""Observations of lines of known position."""
+
+MAX_RIVAL_INCREASE = 9.0
+"""Largest rise of the sum of squares at which another pose fits as well: three sigma."""
+
+LIMIT_SETTINGS = (
+    Setting(name="three lines", features=(3, 3)),
+    Setting(name="lines of 1 to 2 m", length_m=(1.0, 2.0)),
+    Setting(name="lines parallel to 3 degrees", turn_deg=3.0),
+    Setting(name="all in a corner, a third as wide", share=0.33, length_m=(2.0, 6.0)),
+    Setting(name="picks to 3 px", pick_px=3.0),
+    Setting(name="distortion left out (k1 = -0.05)", bulge=-0.05),
+    Setting(name="points 5 cm off the ground", relief_m=0.05),
+    Setting(name="straight down, to 5 degrees", tilt_deg=(0.0, 5.0)),
+)
+"""Settings beyond the usual one, in each of which some method fails."""
+
+Starter = Callable[[MethodScenes], Starts]
+
+
+def compare_methods(
+    setting: Setting, scenes: int, seed: int = 0, more: Mapping[str, Starter] | None = None
+) -> list[MethodRow]:
+    """Compare all methods in one setting.
+
+    Parameters
+    ----------
+    setting
+        Properties of the scenes.
+    scenes
+        Total number, divided equally among the numbers of features.
+    seed
+        Of the draws.
+    more
+        Other starting methods for lines of known position, by name.
+    """
+    counts = range(setting.features[0], setting.features[1] + 1)
+    each = max(1, scenes // len(counts))
+    found: dict[str, list[MethodResults]] = {}
+    for lines in counts:
+        drawn = draw_scenes(setting, lines, each, seed)
+        for name, method in METHODS.items():
+            found.setdefault(name, []).append(method(drawn))
+        for name, starter in (more or {}).items():
+            found.setdefault(name, []).append(_by_lines(drawn, starter(drawn)))
+    return [make_row(setting.name, name, parts) for name, parts in found.items()]
+
+
+class FoundPoses(NamedTuple):
+    """Minima of B scenes from S starts each, the lowest first.
+
+    Attributes
+    ----------
+    center, rotation, covariance
+        (B, S, 3), (B, S, 3, 3), (B, S, 6, 6); NaN covariance where the iterations did not converge.
+    cost
+        (B, S) sums of squares; inf: no pose.
+    """
+
+    center: Floats
+    rotation: Floats
+    covariance: Floats
+    cost: Floats
+
+
+LAST_REDUCTION = 1e-10
+"""Expected reduction of the sum of squares by the last step: 1e-5 sigma. Minima that are hardly
+determined are not reached more closely."""
+
+FREE_INFORMATION = 1e-5
+"""Information [1/m^2, 1/rad^2] on position and heading that lengths alone leave free: it fixes them
+without changing a length."""
+
+
+def find_minima(scenes: MethodScenes, uses: frozenset[str], starts: Starts) -> FoundPoses:
+    """Adjust every scene from each of its starts.
+
+    Parameters
+    ----------
+    scenes
+        The scenes.
+    uses
+        Observations beside the picks: ``start`` (its stated place), ``start on line``, ``end on
+        line``, ``length``, ``log``.
+    starts
+        Initial poses.
+    """
+    count, many = starts[0].shape[:2]
+    owner = np.repeat(np.arange(count), many)
+    center, rotation = starts[0].reshape(-1, 3), starts[1].reshape(-1, 3, 3)
+    some = np.isfinite(center[:, 0])
+    center = np.where(some[:, None], center, [0.0, 0.0, -1.0])  # below ground: no pose
+    rotation = np.where(some[:, None, None], rotation, np.diag([1.0, -1.0, -1.0]))
+    prior, information = (center, rotation), np.zeros((6, 6))
+    if "log" in uses:
+        prior = scenes.logged[0][owner], scenes.logged[1][owner]
+        information = np.diag(np.array(LOG_SIGMA) ** -2)
+    elif uses == {"length"}:
+        information = FREE_INFORMATION * np.eye(6)
+    taped = scenes.length_m.shape[1] if "length" in uses else 0
+    end, toward, placed = _list_coordinates(scenes, uses)
+    ends = 2 * scenes.length_m.shape[1]
+    design = PhotoDesign(
+        calibration=scenes.calibration,
+        height_m=np.zeros(ends),
+        line=np.arange(2 * taped).reshape(-1, 2),
+        pixel_sigma_px=np.full(ends, scenes.pick_sigma_px),
+        length_sigma_m=np.full(taped, scenes.length_sigma_m),
+        information=information,
+        placed=end,
+        place_sigma_m=np.full(len(end), scenes.place_sigma_m),
+    )
+    draws = PhotoDraws(
+        pixel_px=scenes.pixel_px.reshape(count, -1, 2)[owner],
+        length_m=scenes.length_m[owner, :taped],
+        center_world_m=prior[0],
+        world_from_camera=prior[1],
+        ground=np.zeros((len(owner), 3)),
+        toward=toward[owner],
+        placed_m=placed[owner],
+    )
+    found = adjust_photos(design, draws, (center, rotation), undamped=0, settled=LAST_REDUCTION)
+    cost = np.nan_to_num(found.cost, nan=np.inf).reshape(count, many)
+    order = np.argsort(cost, axis=1, kind="stable")
+    at = many * np.arange(count)[:, None] + order
+    every = found.center_world_m, found.world_from_camera, found.covariance, cost.ravel()
+    return FoundPoses(*(one[at] for one in every))
+
+
+def _list_coordinates(scenes: MethodScenes, uses: frozenset[str]) -> tuple[Ints, Floats, Floats]:
+    """List coordinates of ends: the ends (P,), directions (B, P, 2), coordinates (B, P)."""
+    along = scenes.place_m[:, :, 1] - scenes.place_m[:, :, 0]
+    along = along / np.linalg.norm(along, axis=2, keepdims=True)
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    stated = {
+        "start": [(0, np.array([1.0, 0.0])), (0, np.array([0.0, 1.0]))],
+        "start on line": [(0, across)],
+        "end on line": [(1, across)],
+    }
+    end, toward, placed = [np.zeros(0, dtype=np.int64)], [along[:, :0]], [along[:, :0, 0]]
+    for which, direction in (one for use, rows in stated.items() if use in uses for one in rows):
+        end.append(2 * np.arange(along.shape[1]) + which)
+        toward.append(np.broadcast_to(direction, along.shape))
+        placed.append(np.sum(direction * scenes.place_m[:, :, which], axis=2))
+    return np.concatenate(end), np.concatenate(toward, axis=1), np.concatenate(placed, axis=1)
+
+
+SAME_DIRECTION_RAD, SAME_RELATIVE_DISTANCE = 0.01, 0.02
+"""Differences of direction [rad] and of place, as a share of the camera's height, up to which two
+poses are one."""
+
+
+def compute_rival_differences(found: FoundPoses, within: float) -> Floats:
+    """Compute (B,) differences of the next distinct minimum to the best; inf beyond `within`."""
+    center, rotation, cost = found.center, found.rotation, found.cost
+    height = np.maximum(center[:, :1, 2], 1e-9)
+    apart = np.linalg.norm(center - center[:, :1], axis=2) / height
+    turn = np.einsum("bij,bsij->bs", rotation[:, 0], rotation)
+    other = (apart > SAME_RELATIVE_DISTANCE) | (
+        np.arccos(np.clip((turn - 1) / 2, -1, 1)) > SAME_DIRECTION_RAD
+    )
+    other &= np.isfinite(found.covariance).all(axis=(2, 3))
+    with np.errstate(invalid="ignore"):
+        worse = np.where(other, cost - cost[:, :1], np.inf)
+    least = np.nan_to_num(worse, nan=np.inf).min(axis=1)
+    return np.where(least <= within, least, np.inf)
+
+
+def intersect_ground_rays(
+    calibration: Calibration, pixel_px: Floats, center: Floats, rotation: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Intersect the rays of picks with the ground z = 0.
+
+    Parameters
+    ----------
+    calibration
+        Calibration of the lens.
+    pixel_px
+        (B, ..., 2).
+    center, rotation
+        (B, 3), (B, 3, 3).
+
+    Returns
+    -------
+    point : (B, ..., 2)
+        NaN if a ray does not go down to the ground.
+    by_pose : (B, ..., 2, 6)
+    by_pixel : (B, ..., 2, 2)
+    """
+    more = (1,) * (pixel_px.ndim - 2)
+    turn, start = rotation.reshape(-1, *more, 3, 3), center.reshape(-1, *more, 3)
+    ray, by_pixel, _ = back_project_with_jacobian(
+        calibration.model, calibration.parameters, pixel_px
+    )
+    world = (turn @ ray[..., None])[..., 0]
+    point, by_center, by_world, _ = intersect_ground_with_jacobian(
+        np.broadcast_to(start, world.shape), world, np.zeros(3), np.zeros(2)
+    )
+    by_ray = by_world @ turn
+    by_pose = np.concatenate([by_center, -by_ray @ hat(ray)], axis=-1)
+    return point[..., :2], by_pose[..., :2, :], (by_ray @ by_pixel)[..., :2, :]
+
+
+def _judge(scenes: MethodScenes, found: FoundPoses, told: Bools | None = None) -> MethodResults:
+    """Compute errors and predicted sigmas of withheld distances with each scene's best pose."""
+    center, rotation = found.center[:, 0], found.rotation[:, 0]
+    # variance by propagation: from the pose, and from the picks of the distance itself
+    point, by_pose, by_pixel = intersect_ground_rays(
+        scenes.calibration, scenes.check_px, center, rotation
+    )
+    away = point[:, :, 1] - point[:, :, 0]
+    length = np.linalg.norm(away, axis=-1)
+    unit = away / length[..., None]
+    of_pose = np.einsum("bmi,bmij->bmj", unit, by_pose[:, :, 1] - by_pose[:, :, 0])
+    of_picks = np.einsum("bmi,bmeij->bmej", unit, by_pixel) * scenes.pick_sigma_px
+    whole = np.einsum("bmi,bij,bmj->bm", of_pose, found.covariance[:, 0], of_pose)
+    whole = np.where(whole >= 0, whole, np.inf)  # negative by rounding: undetermined
+    variance = whole + np.sum(of_picks**2, axis=(2, 3))
+    none = np.where(np.isfinite(found.cost[:, :1]), 0.0, np.nan)
+    return MethodResults(
+        error_m=length - scenes.check_m + none,
+        sigma_m=np.sqrt(variance) + none,
+        true_m=scenes.check_m,
+        cost=found.cost[:, 0],
+        ambiguous=np.isfinite(compute_rival_differences(found, MAX_RIVAL_INCREASE))
+        if told is None
+        else told,
+    )
+
+
+def by_points(scenes: MethodScenes) -> MethodResults:
+    """Use the start of every line as a known point: IPPE, then maximum likelihood."""
+    return _judge(scenes, find_minima(scenes, frozenset({"start"}), find_point_starts(scenes)))
+
+
+def by_points_alone(scenes: MethodScenes) -> MethodResults:
+    """Use the same points: the best pose of IPPE as it is, without sigmas."""
+    center, rotation = find_point_starts(scenes)
+    cost = np.where(np.isfinite(center[:, :, 0]), 0.0, np.inf)
+    found = FoundPoses(center, rotation, np.zeros((*cost.shape, 6, 6)), cost)
+    judged = _judge(scenes, found, np.zeros(len(center), dtype=np.bool_))
+    return replace(judged, sigma_m=np.full(judged.sigma_m.shape, np.nan))
+
+
+def by_lines(scenes: MethodScenes) -> MethodResults:
+    """Use lines of known position: the direct start and the search, then maximum likelihood."""
+    return _by_lines(scenes, find_line_starts(scenes))
+
+
+def by_lines_directly(scenes: MethodScenes) -> MethodResults:
+    """Use lines of known position from the direct linear transformation alone."""
+    return _by_lines(scenes, find_direct_starts(scenes))
+
+
+def by_lengths(scenes: MethodScenes) -> MethodResults:
+    """Use the lengths of the lines alone: position and heading of the camera stay free."""
+    return _judge(scenes, find_minima(scenes, frozenset({"length"}), find_length_starts(scenes)))
+
+
+def by_log(scenes: MethodScenes) -> MethodResults:
+    """Use the log alone."""
+    return _judge(scenes, find_minima(scenes, frozenset({"log"}), get_log_starts(scenes)))
+
+
+def by_lengths_and_log(scenes: MethodScenes) -> MethodResults:
+    """Use the thesis's lengths with the log as a prior, like this program."""
+    uses = frozenset({"length", "log"})
+    return _judge(scenes, find_minima(scenes, uses, get_log_starts(scenes)))
+
+
+def by_all(scenes: MethodScenes) -> MethodResults:
+    """Use the start's position, the end on its line, length and log; without double counting."""
+    uses = frozenset({"start", "end on line", "length", "log"})
+    starts = [find_point_starts(scenes), get_log_starts(scenes)]
+    center, rotation = (np.concatenate(part, axis=1) for part in zip(*starts, strict=True))
+    return _judge(scenes, find_minima(scenes, uses, (center, rotation)))
+
+
+METHODS: Mapping[str, Callable[[MethodScenes], MethodResults]] = {
+    "points, IPPE alone": by_points_alone,
+    "points": by_points,
+    "lines of known position": by_lines,
+    "lines, direct start only": by_lines_directly,
+    "lengths": by_lengths,
+    "log": by_log,
+    "lengths and log": by_lengths_and_log,
+    "all": by_all,
+}
+"""Methods by name, in the order of tables."""
+
+
+def _by_lines(scenes: MethodScenes, starts: Starts) -> MethodResults:
+    return _judge(scenes, find_minima(scenes, LINES, starts))

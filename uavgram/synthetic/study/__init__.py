@@ -1,1 +1,0 @@
-"""Named studies: grids of simulations, and their results."""
