@@ -1,4 +1,4 @@
-"""Damage a log in many ways and read each: run by test_mutated_logs.py in processes of its own.
+"""Damage a log in many ways and read each: run by test_flight_log.py in processes of its own.
 
     python mutated_logs.py SOURCE SUFFIX FIRST_SEED COUNT
 

@@ -1,13 +1,14 @@
 """Features of photos, their matches in pairs of photos, and verification as one rigid scene.
 
-OpenCV's SIFT at a reduced size. Measured on rendered streets with true poses, 2400 x 1800 px, half
-size: epipolar distances of matches have a median of 0.08 px looking down and 0.16 px at 45 degrees
-in 0.4 s a photo; pycolmap 4.2's SIFT (VLFeat) on the same reduced photos 0.13 and 0.28 px in 5.6 s.
+The features are OpenCV's SIFT at a reduced size. Measured on rendered streets with true poses, 2400
+x 1800 px, half size: epipolar distances of matches have a median of 0.08 px looking down and 0.16
+px at 45 degrees in 0.4 s a photo; pycolmap 4.2's SIFT (VLFeat) on the same reduced photos 0.13 and
+0.28 px in 5.6 s.
 
-Two tests. The lines of sight of one point and the base of the two cameras are in one plane: a match
-off that plane is wrong, or its object moved across it. Within the plane a wrong match or a moving
-object looks like a point of another height: so the shift of a match, after subtraction of the
-ground plane's shift, must also be that of its neighbours.
+Matches are verified by two tests. The lines of sight of one point and the base of the two cameras
+are in one plane: a match off that plane is wrong, or its object moved across it. Within the plane a
+wrong match or a moving object looks like a point of another height: so the shift of a match, after
+subtraction of the ground plane's shift, must also be that of its neighbours.
 """
 
 from __future__ import annotations

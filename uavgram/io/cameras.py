@@ -1,18 +1,20 @@
 """Cameras of other programs: files of OpenCV, COLMAP and OpenDroneMap, and a table of drones.
 
-Copyright 2025 Theta Informatics LLC, Apache License 2.0; see the folder `read_drone_cameras`.
+OpenCV (YAML, JSON, XML) does not define the keys. The supported ones are those of its samples and
+tools (calibration.cpp, the camera calibration tutorial of 2.4 and later, interactive-calibration),
+of ROS camera_info, and K and D.
 
-OpenCV does not define the keys. The supported ones are those of its samples and tools
-(calibration.cpp, the camera calibration tutorial of 2.4 and later, interactive-calibration), of ROS
-camera_info, and K and D.
+COLMAP's cameras.txt and its models: COLMAP documentation, "Output Format" and
+src/colmap/sensor/models.h. COLMAP puts the centre of the top-left pixel at (0.5, 0.5), this program
+at (0, 0).
 
-The file and its models: COLMAP documentation, "Output Format" and src/colmap/sensor/models.h.
-COLMAP puts the centre of the top-left pixel at (0.5, 0.5), this program at (0, 0).
+OpenDroneMap and OpenSfM write cameras.json and camera_models.json. Lengths are over max(width,
+height), from the centre of the image, which is at ((width - 1) / 2, (height - 1) / 2) when pixels
+are counted from the centre of the top-left one (OpenSfM, opensfm/features.py,
+normalized_image_coordinates; the models: OpenSfM documentation, "Camera Models").
 
-The files are cameras.json and camera_models.json. Lengths are over max(width, height), from the
-centre of the image, which is at ((width - 1) / 2, (height - 1) / 2) when pixels are counted from
-the centre of the top-left one (OpenSfM, opensfm/features.py, normalized_image_coordinates; the
-models: OpenSfM documentation, "Camera Models").
+The table of drone cameras is copyright 2025 Theta Informatics LLC, Apache License 2.0; see the
+folder `drone_cameras`.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Import of picks from other programs: OpenDroneMap's gcp_list.txt, and LabelMe's JSON.
 
-After docs.opendronemap.org, "Ground Control Points": a coordinate system, then for each pick ``x y
-z column row image [label]``, separated by blanks or tabs, here also by commas or semicolons; z may
-be NaN where a height is unknown (OpenSfM, ``io.py``: ``_read_gcp_list_lines``). Columns and rows
-count from the centre of the top-left pixel (OpenSfM, ``features.py``:
+gcp_list.txt (docs.opendronemap.org, "Ground Control Points"): a coordinate system, then for each
+pick ``x y z column row image [label]``, separated by blanks or tabs, here also by commas or
+semicolons; z may be NaN where a height is unknown (OpenSfM, ``io.py``: ``_read_gcp_list_lines``).
+Columns and rows count from the centre of the top-left pixel (OpenSfM, ``features.py``:
 ``normalized_image_coordinates`` adds half a pixel).
 
-A ``point`` is a pick at its position, a ``circle`` one at its centre; other shapes are not picks.
-LabelMe counts from the corner of the top-left pixel, and shows a photo rotated by its EXIF
+LabelMe: a ``point`` is a pick at its position, a ``circle`` one at its centre; other shapes are not
+picks. It counts from the corner of the top-left pixel, and shows a photo rotated by its EXIF
 orientation (``labelme/utils/image.py``, ``apply_exif_orientation``), so its coordinates are rotated
 back here.
 """

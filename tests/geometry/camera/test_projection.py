@@ -12,11 +12,11 @@ from derivatives import assert_derivative, central_differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.camera.projection import (
     BeyondFold,
     back_project,
     back_project_with_jacobian,
-    largest_radius,
     project,
     project_with_jacobian,
     share_without_rays,

@@ -208,7 +208,7 @@ def collinear(points: Floats, *, on_ground: bool = False) -> Residuals:
     Residuals
         For each point between: its offset along the ground, to the left as seen from the first
         point; and, unless `on_ground`, its upward offset (square to both). For a line steeper than
-        `line_axes.STEEP`: east and north. NaN where first and last coincide.
+        `STEEP_RISE`: east and north. NaN where first and last coincide.
     """
     points = _checked(points, 3)
     between = list(range(1, points.shape[-2] - 1))
@@ -218,8 +218,8 @@ def collinear(points: Floats, *, on_ground: bool = False) -> Residuals:
 def line_offset(points: Floats, *, on_ground: bool = False) -> Residuals:
     """Compute the signed offset of the first of three points from the line through the others [m].
 
-    This is the distance of `shapes.line_distance` with a sign, or as a vector, for a distance that
-    is known to be zero or may be zero within its uncertainty.
+    This is the distance of `measurements.line_distance` with a sign, or as a vector, for a distance
+    that is known to be zero or may be zero within its uncertainty.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
     -------
     Residuals
         The angle along the ground, anticlockwise from above, from -90 to 90; and, unless
-        `on_ground`, the upward angle. For a first line steeper than `line_axes.STEEP`: towards east
+        `on_ground`, the upward angle. For a first line steeper than `STEEP_RISE`: towards east
         and north. NaN where a line has no length, and for lines square to each other.
     """
     points = _checked(points, 4, 4)

@@ -1,15 +1,13 @@
 """Ground surface: intersection with rays, relief, robust planes, and planes seen by one camera.
 
-The plane is ``up = plane[0] + plane[1] (east - pivot[0]) + plane[2] (north - pivot[1])``: its
-height at the pivot [m] and its slopes to the east and to the north. A point may have a known height
-above it.
+In the world the plane is ``up = plane[0] + plane[1] (east - pivot[0]) + plane[2] (north -
+pivot[1])``: its height at the pivot [m] and its slopes to the east and to the north. A point may
+have a known height above it.
 
-The plane is m . X = 1 in the camera frame, m = n / h with the unit normal n towards the ground and
+In the frame of one camera it is m . X = 1, m = n / h with the unit normal n towards the ground and
 the height h of the camera above it. A ray v (z = 1) meets it at X = v / (m . v): three unknowns, no
-angles.
-
-The three components are on the first axis. The kernels broadcast over all further axes, which
-belong to the problem (lines; scenes x candidates x lines).
+angles. The three components are on the first axis; these functions broadcast over all further axes,
+which belong to the problem (lines; scenes x candidates x lines).
 """
 
 from __future__ import annotations

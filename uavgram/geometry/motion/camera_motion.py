@@ -1,7 +1,8 @@
 """Motion of a camera: its pose from telemetry and shared unknowns, and rows of a rolling shutter.
 
-With the vehicle at p (world), its attitude Rb (world from body), the mount's attitude Rm (world
-from gimbal, or Rb again for a camera fixed to the body) and the nominal C (mount from camera)::
+The pose follows from telemetry. With the vehicle at p (world), its attitude Rb (world from body),
+the mount's attitude Rm (world from gimbal, or Rb again for a camera fixed to the body) and the
+nominal C (mount from camera)::
 
     center            = p(t) - position_bias + Rz Rb(t) lever_arm
     world_from_camera = Rz Rm(t) C exp(boresight)

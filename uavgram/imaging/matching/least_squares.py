@@ -2,9 +2,8 @@
 
 Gruen 1985, "Adaptive least squares correlation", with brightness and contrast free; solved by the
 inverse compositional algorithm (Baker and Matthews 2004, "Lucas-Kanade 20 years on"): gradients are
-those of the fixed patch, so the normal equations are formed once. The covariance of the place is in
-`sureness.py`. The poses predict rotation and stretch of the patches to some per cent; this prior
-matters where the picture has little texture.
+those of the fixed patch, so the normal equations are formed once. The poses predict rotation and
+stretch of the patches to some per cent; this prior matters where the picture has little texture.
 
 The requirements are tuned on rendered streets (tests/benchmarks/study_matching_kernel.py).
 

@@ -1,16 +1,15 @@
 """Matching of a corner off the ground along its line of sight, in several photos at once.
 
+The background beside such a corner differs from photo to photo, so no patch about it matches. But
+its edges do match, and its place has one unknown: the distance along the line. The place is
+therefore the one where most photos share the corner. There, small windows with the corner inside or
+at their edges (`beside`) are matched in each photo that shows the same in one of them.
+
 At the height of the corner, the edges that meet in it have the same directions in all photos that
 show it, for any background; at another height one edge may still coincide with itself, but hardly
 two. For each pixel about the pick the direction of the edge is therefore compared with that in the
 other photos; edges shared by most photos must form a corner, and it must be at the pick itself.
 Weak edges count nearly as much as strong ones: the second edge of a corner is often a weak one.
-
-The background beside such a corner differs from photo to photo, so no patch about it matches. But
-its edges do match, and its place has one unknown: the distance along the line. The place is
-therefore the one where most photos share the corner (`shared_corner`). There, small windows with
-the corner inside or at their edges (`beside`) are matched in each photo that shows the same in one
-of them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Sub-pixel corners of a board: blurred saddles fitted to the grey values, and their gradients.
 
-Two straight edges cross in the corner, blurred by a Gaussian; the grey value is
+For the saddle, two straight edges cross in the corner, blurred by a Gaussian; the grey value is
 
     m + gu u + gv v + a erf(s1 / sqrt(2) b) erf(s2 / sqrt(2) b) + e (G(s1 / b) + G(s2 / b))
 
@@ -9,9 +9,10 @@ print's (or the sensor's) bleeding: white that grows, black that shrinks, alike 
 corner. Every one of these terms except the two slopes is symmetric about the corner, so bleeding
 and blur do not shift it.
 
-Foerstner's operator (Foerstner and Guelch 1987): the corner c minimises the sum of (g . (x - c))^2
-over the window, with the gradient g in x. It assumes nothing about the edges' shape, and uses less
-of the image than the fit of a saddle where the model of that fit holds.
+The gradients' corner is that of Foerstner's operator (Foerstner and Guelch 1987): the corner c
+minimises the sum of (g . (x - c))^2 over the window, with the gradient g in x. It assumes nothing
+about the edges' shape, and uses less of the image than the fit of a saddle where the model of that
+fit holds.
 """
 
 from __future__ import annotations

@@ -2,13 +2,12 @@
 
 Chequers, crosses and discs are unchanged by a half turn, in any affine view. So the centre is where
 the differences I(c + d) - I(c - d) are least; neither shape, size nor brightness need be known.
+Lines and plain ground are unchanged, too, but their centre is undetermined. The remaining places
+are marks made by people, and few other objects.
 
 The kind is recognised on rings about the centre. A two-by-two chequer changes its brightness four
 times on each of them, along two straight lines through the centre; a cross eight times, along two
 straight bars. A round target has outlines that are ellipses about one centre at many brightnesses.
-
-Lines and plain ground are, too, but their centre is undetermined. The remaining places are marks
-made by people, and few other objects.
 """
 
 from __future__ import annotations

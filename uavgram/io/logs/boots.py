@@ -1,12 +1,12 @@
 """Flight log of any format, boot by boot, from the table of the format: quantity <- message.field.
 
-Rows outside the flight have damaged bytes. If a log contains a quantity twice (a position, an
-attitude, a home) and the two contradict each other, it is unknown which one is right: a remark
-names it, and only a home is left out for it.
-
 A new format defines a `Table` and a class of `Messages`; `build_log` does the rest. Quantities that
 no row can express are functions of the format's own messages, given in the table instead of the
 row.
+
+A boot's messages are compared with each other. Rows outside the flight have damaged bytes. If a log
+contains a quantity twice (a position, an attitude, a home) and the two contradict each other, it is
+unknown which one is right: a remark names it, and only a home is left out for it.
 """
 
 from __future__ import annotations

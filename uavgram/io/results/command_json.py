@@ -1,9 +1,11 @@
 """JSON files of other commands: plan.json, calibration.json (schema 1), and a batch's state.
 
-Units are in the keys; NaN is null. Residuals are predicted minus found. Poses are those of the
-camera in the board's frame (OpenCV's: x along a row, y down the columns, z into the board).
+In calibration.json units are in the keys, and NaN is null. Residuals are predicted minus found.
+Poses are those of the camera in the board's frame (OpenCV's: x along a row, y down the columns, z
+into the board).
 
-A killed batch leaves at most an incomplete line, which is ignored.
+The state of a batch has a line of JSON for each measured survey, appended when it ends. A killed
+batch leaves at most an incomplete line, which is ignored.
 """
 
 from __future__ import annotations

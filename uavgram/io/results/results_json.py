@@ -1,7 +1,7 @@
 """Reader and writer of results.json (schema 1): exact numbers, NaN as null, one record a line.
 
 The reader returns an object equal to the written one. Keys are defined once for both directions: by
-the types of the fields (codec.py), by the tables (py), and for all exceptions here.
+the types of the fields (io/json_codec.py), and by the tables and exceptions here.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ def results_schema() -> Record:
 
 
 def schema_of(hint: Any) -> Record:  # noqa: ANN401
-    """Return the schema of the value that `codec.encode` makes of this type.
+    """Return the schema of the value that `json_codec.encode` makes of this type.
 
     Raises
     ------

@@ -1,14 +1,14 @@
 """Choice of few of many possible reference lines, or plates, for the best accuracy.
 
-The two ends of a candidate line occur in no other observation. Elimination from the normal
-equations leaves rows on the shared unknowns alone: poses, lens, ground, biases, tapes (the core,
-below).
-
 Greedy, then exchange: the line that helps most is added until there are enough; then each in turn
 is removed and replaced by the best one, until none changes (Fedorov 1972, ch. 3; Atkinson, Donev
 and Tobias 2007, ch. 12). The criterion is the weighted mean of predicted sigmas, an L-optimal
 design; with lengths all over an area as wanted values, an I-optimal one. Lines may be lost: tapes
 are misread, marks driven over, cars parked on them.
+
+The two ends of a candidate line occur in no other observation. Elimination from the normal
+equations leaves rows on the shared unknowns alone: poses, lens, ground, biases, tapes (the core,
+below).
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""Messages of ArduPilot's DataFlash log (.bin, .BIN, text .log) as columns, decoded on demand.
+"""Messages of ArduPilot's DataFlash log as columns, decoded on demand.
 
 The layout is ArduPilot's (libraries/AP_Logger/LogStructure.h): every message starts with 0xA3 0x95
 and its type; type 0x80 (FMT) defines the others: length, name, one format character per field,
-field names. A message may have no field at all (STRT until 2014: the vehicle was started).
-
-Logs in text form (.log), as written by Mission Planner, are indexed here.
+field names. A message may have no field at all (STRT until 2014: the vehicle was started). Logs in
+text form (.log), as written by Mission Planner, have the same messages line by line.
 
 The format has no checksum: users of these columns must check the values.
 """

@@ -1,11 +1,9 @@
 """PX4's ULog as columns on the boot clock, gathered from its messages piece by piece.
 
-A message is its size (two bytes, without the header), its kind (a letter), and its content;
-messages follow each other. A topic's rows are messages of data; their composition, and key-value
-pairs of the system, are definitions. https://docs.px4.io/main/en/dev_log/ulog_file_format.html.
-
-File format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html. It has no checksum: users of
-these columns must check the values.
+File format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html. A message is its size (two
+bytes, without the header), its kind (a letter), and its content; messages follow each other. A
+topic's rows are messages of data; their composition, and key-value pairs of the system, are
+definitions. There is no checksum: users of these columns must check the values.
 """
 
 from __future__ import annotations
