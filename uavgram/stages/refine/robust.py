@@ -643,9 +643,8 @@ def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
     things = [one.index for one in survey.known if one.index not in whole.known_removed]
     for thing in things if len(things) <= MOST_STARTS else []:
         yield replace(whole, known_removed=whole.known_removed | {thing})
-    left_out: Bools = np.eye(number, dtype=np.bool_)
-    if survey.telemetry is not None:
-        left_out = left_out.any(axis=0, keepdims=True)
+    each, together = np.eye(number, dtype=np.bool_), np.ones((1, number), dtype=np.bool_)
+    left_out = each if survey.telemetry is None else together
     for rows in left_out if len(left_out) <= MOST_STARTS else []:
         if rows.any():
             yield replace(whole, survey=select_control(survey, ~rows))
