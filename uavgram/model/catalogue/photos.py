@@ -25,6 +25,9 @@ TIMES = (
         finding="A photo has no place in the log, for the reason in the message.",
         consequence="It takes no part.",
         action="Check whether the photo belongs to this flight, and check `time.offset_s`.",
+        effect=Effect.AMBER,
+        one="{frames} has no place in the flight log: check the times.",
+        several="{frames} have no place in the flight log: check the times.",
     ),
     Entry(
         "photo-without-event",
