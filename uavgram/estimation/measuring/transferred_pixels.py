@@ -111,6 +111,18 @@ def transfer_pixels(
     return TransferredPixels(frame_id=names, **joined)
 
 
+def transfer_between_picks(adjustment: Adjustment, clicked: PickedPixels) -> TransferredPixels:
+    """Transfer picked pixels to each other photo with a pick of their label.
+
+    Parameters
+    ----------
+    adjustment, clicked
+        As for `transfer_pixels`.
+    """
+    here = predict_rows(adjustment, clicked.frame, clicked.label)
+    return _transfer(adjustment, here, here, clicked)
+
+
 def _pad(part: TransferredPixels, width: int) -> TransferredPixels:
     """Pad the derivatives with columns of zeros."""
     more = width - part.columns.shape[1]

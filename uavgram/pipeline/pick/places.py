@@ -26,7 +26,8 @@ from uavgram.model.flight.pose import Poses
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import World
 from uavgram.pipeline.match.adjustment import UNEVEN_M
-from uavgram.pipeline.match.search import MIN_PX, make_search_places
+from uavgram.pipeline.match.height_evidence import MIN_PX
+from uavgram.pipeline.match.search import make_search_places
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
