@@ -18,6 +18,13 @@ Then the same with 0.8 px of noise in every pick: distances between the things m
 
 `--blank` leaves the heights of corners of cars and walls blank, as a person may who does not know
 that they matter; otherwise they are `free`.
+
+`--picked two` picks each point of the shared streets in the first two photos that show it instead;
+`first`, `three`, `middle` and `last` likewise, several after each other. `--in-photo` picks in the
+first (...) photos of the flight only, `--noise` adds click noise [px], `--no-log` takes the log
+away.
+
+    python tests/benchmarks/study_matching.py --shared 0 --blank --picked first two middle last
 """
 
 from __future__ import annotations
@@ -28,7 +35,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -65,6 +72,13 @@ WRONG_PX, NOISE_PX = 3.0, 0.8
 OFF_GROUND = "VW"
 FOOT_M = 0.05  # up to which a corner stands on the ground
 SHARED = ("street_nadir", "street_oblique", "street_rolling")
+PICKED: dict[str, Callable[[list[str]], list[str]]] = {
+    "first": lambda photos: photos[:1],
+    "two": lambda photos: photos[:2],
+    "three": lambda photos: photos[:3],
+    "middle": lambda photos: photos[len(photos) // 2 :][:1],
+    "last": lambda photos: photos[-1:],
+}
 
 
 @dataclass(frozen=True)
@@ -172,37 +186,55 @@ def _pair(
     return Pair(flight, *of, bool(true[2]), u - true[0], v - true[1], sigma)
 
 
-def shared_street(name: str, draw: int, folder: Path, height: str) -> list[Pair]:
+def _shown(told: Mapping[str, Any]) -> dict[str, list[str]]:
+    """The photos that show each point, in their order."""
+    shows: dict[str, list[str]] = {}
+    for photo, sights in sorted(told["pixels"].items()):
+        for label, (_, _, visible) in sights.items():
+            known = label in told["height_above_ground_m"] and "_" not in label
+            if visible and known and label[0] in "PQZDRVW":
+                shows.setdefault(label, []).append(photo)
+    return shows
+
+
+def shared_street(
+    name: str, draw: int, folder: Path, picked: str | None, given: argparse.Namespace
+) -> list[Pair]:
     """Pairs of a street of the data folder."""
     data = Path(os.environ.get("UAVGRAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
     told = json.loads((data / "truth" / f"{name}.json").read_text(encoding="utf-8"))
     rng, above = np.random.default_rng((17, draw)), told["height_above_ground_m"]
-    shows: dict[str, list[str]] = {}
-    for photo, sights in told["pixels"].items():
-        for label, (_, _, visible) in sights.items():
-            if visible and label in above and label[0] in "PQZDRVW" and "_" not in label:
-                shows.setdefault(label, []).append(photo)
+    shows = _shown(told)
     rows = [["image", "label", "u_px", "v_px", "sigma_px", "height_m"]]
+    flight = sorted(told["pixels"])
     for label in sorted(shows):
         is_raised = label[0] in OFF_GROUND
         if is_raised and above[label] <= FOOT_M:
             continue
-        photo = told["best_frame"][label]
-        if draw or photo not in shows[label]:
-            photo = shows[label][int(rng.integers(len(shows[label])))]
-        u, v, _ = told["pixels"][photo][label]
-        own = height if is_raised else ""
-        rows.append([photo, label, f"{u:.3f}", f"{v:.3f}", str(NOISE_PX), own])
+        best = told["best_frame"][label]
+        if picked is not None:
+            asked = PICKED[picked](flight if given.in_photo else shows[label])
+        elif draw or best not in shows[label]:
+            asked = [shows[label][int(rng.integers(len(shows[label])))]]
+        else:
+            asked = [best]
+        photos = [photo for photo in asked if photo in shows[label]]
+        for photo in photos:
+            u, v = told["pixels"][photo][label][:2] + given.noise * rng.normal(size=2)
+            own = "" if given.blank or not is_raised else "free"
+            rows.append([photo, label, f"{u:.3f}", f"{v:.3f}", str(NOISE_PX), own])
     folder.mkdir(parents=True)
-    natural = [row[1] for row in rows[1:] if row[1].startswith("P")]
+    natural = [label for label in dict.fromkeys(row[1] for row in rows[1:]) if label[0] == "P"]
     measures = [["name", "kind", "points"], ["D0", "distance", ";".join(natural[:2])]]
     tables = {"picks": rows, "measure": measures}
     for table, content in tables.items():
         with (folder / f"{table}.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows(content)
     files: dict[str, object] = {table: str(folder / f"{table}.csv") for table in tables}
+    if given.no_log:
+        files |= {"log": None, "time": None}
     project = copy_project(data / name, folder, **files)
-    if name == "street_rolling":
+    if name == "street_rolling" or given.no_log:
         write_ties(project)
         project = copy_project(data / name, folder, **files, ties=str(folder / "ties.csv"))
     return _found(project, told["pixels"], name)
@@ -295,14 +327,24 @@ def main() -> None:
     )
     parser.add_argument("--worst", type=int, default=10, help="so many, by name")
     parser.add_argument("--shared", type=int, metavar="DRAW", help="the data folder's streets")
+    parser.add_argument("--streets", nargs="*", choices=SHARED, default=SHARED)
     parser.add_argument("--blank", action="store_true", help="heights of corners, instead of free")
+    parser.add_argument("--picked", nargs="*", choices=list(PICKED), default=[None])
+    parser.add_argument("--in-photo", action="store_true", help="the flight's photos, not each's")
+    parser.add_argument("--noise", type=float, default=0.0, help="of the clicks [px]")
+    parser.add_argument("--no-log", action="store_true", help="poses by ties and lengths alone")
     given = parser.parse_args()
     height = "" if given.blank else "free"
     if given.shared is not None:
         cv2.setNumThreads(1)
-        with TemporaryDirectory(prefix="matching") as temporary:
-            found = [shared_street(n, given.shared, Path(temporary) / n, height) for n in SHARED]
-        tell([{"pairs": pairs, "distances": None} for pairs in found], given.worst)
+        for picked in given.picked:
+            print(f"picked in: {picked or given.shared}")
+            with TemporaryDirectory(prefix="matching") as temporary:
+                found = [
+                    shared_street(name, given.shared, Path(temporary) / name, picked, given)
+                    for name in given.streets
+                ]
+            tell([{"pairs": pairs, "distances": None} for pairs in found], given.worst)
         return
     which = given.only if given.only is not None else range(given.flights)
     done = []

@@ -24,7 +24,7 @@ from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.session import point_search as module
 from uavgram.picking.session.adjustment_workers import collect_observations
-from uavgram.picking.session.point_search import PointSearch, SearchInput
+from uavgram.picking.session.point_search import OFF_GROUND, PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.match.patch_search import Photos, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
@@ -51,9 +51,13 @@ LAST = adjusted(State(), *TARGETS)
 
 
 class Agreeing(AdjustedPlaces):
-    """Places of which some are contradicted: of these photo and label."""
+    """Places of which some are contradicted, and labels off the ground."""
 
     wrong: ClassVar[Collection[tuple[str, str]]] = ()
+    off_ground: ClassVar[Collection[str]] = ()
+
+    def find_raised_labels(self, *_: object) -> set[str]:
+        return set(self.off_ground)
 
     def mark_contradicted(self, rows: Ints, *_: Floats) -> Bools:
         return np.array([(self.image[k], self.label[k]) in self.wrong for k in rows])
@@ -89,6 +93,7 @@ class World:
         self.tried: list[set[Pair]] = []
         self.wrong: list[tuple[str, str]] = []
         self.raised: tuple[str, ...] = ()
+        self.off_ground: tuple[str, ...] = ()
         self.adjustment = cast("Adjustment", SimpleNamespace())
         self.go_on, self.begun = threading.Event(), threading.Event()
         self.go_on.set()
@@ -122,7 +127,7 @@ class World:
         found = TransferredPixels(pick, image, np.full((n, 2), 50.0), both, both, *nothing)
         label = tuple(picks.label[i] for i in pick)
         radius, row = np.full(n, self.radius_px), np.arange(n)
-        Agreeing.wrong = self.wrong
+        Agreeing.wrong, Agreeing.off_ground = self.wrong, self.off_ground
         raised = np.array([one in self.raised for one in label], np.bool_)
         return Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
 
@@ -201,6 +206,19 @@ def until(holds: Callable[[], bool]) -> None:
     while not holds():
         assert time.monotonic() < latest
         time.sleep(0.002)
+
+
+def test_a_point_that_is_probably_not_on_the_ground_is_asked_for_and_not_proposed(
+    start: Start,
+) -> None:
+    world = World()
+    world.off_ground = ("A",)
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(state("A", "B"), LAST))
+    until(lambda: [one.why for one in seeker.proposed.outcomes.values()].count(OFF_GROUND) == 2)
+    found = {pair for pair, one in seeker.proposed.outcomes.items() if one.found is not None}
+
+    assert found == {("2.jpg", "B"), ("3.jpg", "B")}
 
 
 def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: Start) -> None:

@@ -97,13 +97,16 @@ def test_what_stands_off_the_ground_waits_until_the_ground_is_done() -> None:
     assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof], done) == [1]
 
 
-def test_what_one_photo_alone_shows_at_any_height_is_looked_at_once_along_its_line() -> None:
-    pairs = (("b.jpg", "roof"), ("c.jpg", "roof"), ("d.jpg", "roof"), A)
-    is_alone = np.array([True, True, True, False])
-    candidates = Candidates(places([3.0] * 4, [1.0] * 4), pairs, np.arange(4), is_alone, is_alone)
-    every = np.ones(4, np.bool_)
-    record = Record().with_results({pairs[0]: Missed(0, 9.0, "nothing there looks like it")})
+def test_a_label_of_unknown_height_is_looked_for_along_the_line_of_one_pick_after_another() -> None:
+    roofs = [(f"{name}.jpg", "roof") for name in "bcdbcd"]
+    picks, alone = np.array([0, 0, 0, 1, 1, 1, 2]), np.arange(7) < 6
+    alike = [1.5, 1.5, 1.5, 1.1, 1.1, 1.1, 1.0]
+    candidates = Candidates(places([3.0] * 7, alike), (*roofs, A), picks, alone, alone)
+    every, nothing = np.ones(7, np.bool_), Missed(1, 9.0, "nothing there looks like it")
+    some = Record().with_results({roofs[0]: nothing})
+    record = Record().with_results(dict.fromkeys(roofs[:3], nothing))
 
-    assert choose_next_places(candidates, every, Record()).tolist() == [3]
-    assert choose_lines(candidates, every, Record()).tolist() == [0, 1, 2]
-    assert choose_lines(candidates, every, record).tolist() == [1, 2]
+    assert choose_next_places(candidates, every, Record()).tolist() == [6]
+    assert choose_lines(candidates, every, Record()).tolist() == [3, 4, 5]
+    assert choose_lines(candidates, every, some).tolist() == [4, 5]
+    assert choose_lines(candidates, every, record).tolist() == [0, 1, 2]

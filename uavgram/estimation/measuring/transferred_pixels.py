@@ -31,6 +31,10 @@ MIN_DETERMINANT = 1e-9
 """Determinant [px^2/m^2] below which a photo sees the ground edge-on."""
 
 
+ARRAYS = ("click", "pixel_px", "covariance_px2", "affine", "rise", "jacobian", "columns", "own")
+"""Fields of `TransferredPixels` with a row for each place."""
+
+
 @dataclass(frozen=True, eq=False)
 class PickedPixels:
     """Picks of m pixels (m, 2), each in a frame (m,) and of a label (m,) of the adjustment."""
@@ -74,6 +78,11 @@ class TransferredPixels:
     columns: Ints
     own: Floats
 
+    def select(self, rows: Ints) -> TransferredPixels:
+        """Select some places (m,)."""
+        columns = {name: getattr(self, name)[rows] for name in ARRAYS}
+        return TransferredPixels(frame_id=tuple(self.frame_id[k] for k in rows), **columns)
+
     def joint_covariance(self, adjustment: Adjustment, rows: Ints) -> Floats:
         """Compute the joint covariance (2 m, 2 m) of some places in one other photo."""
         size, m = adjustment.problem.layout.size, len(rows)
@@ -106,9 +115,20 @@ def transfer_pixels(
     width = max(part.columns.shape[1] for part in parts)
     parts = [_pad(part, width) for part in parts]
     names = tuple(name for part in parts for name in part.frame_id)
-    arrays = ("click", "pixel_px", "covariance_px2", "affine", "rise", "jacobian", "columns", "own")
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
     return TransferredPixels(frame_id=names, **joined)
+
+
+def transfer_between_picks(adjustment: Adjustment, clicked: PickedPixels) -> TransferredPixels:
+    """Transfer picked pixels to each other photo with a pick of their label.
+
+    Parameters
+    ----------
+    adjustment, clicked
+        As for `transfer_pixels`.
+    """
+    here = predict_rows(adjustment, clicked.frame, clicked.label)
+    return _transfer(adjustment, here, here, clicked)
 
 
 def _pad(part: TransferredPixels, width: int) -> TransferredPixels:

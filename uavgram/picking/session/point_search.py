@@ -33,6 +33,8 @@ from uavgram.stages.match import (
     MAX_RADIUS_PX,
     NARROWED_SHARE,
     Found,
+    Missed,
+    Record,
     pick_sigmas,
 )
 
@@ -40,6 +42,8 @@ log = logging.getLogger(__name__)
 
 ALIKE = 0.8
 """Least correlation, as in the matching, of a match's and its pick's surroundings to be alike."""
+
+OFF_GROUND = "the point is probably not on the ground: pick it by hand, or state its height"
 
 AT_ONCE = 64
 """Number of places searched between two reports."""
@@ -128,6 +132,7 @@ class PointSearch:
             if places is None or not self._look(places, wanted, picks):
                 return None
             self._withdraw(places)
+            self._withdraw_raised(places, picks)
         self._known = frozenset(own)
         return places
 
@@ -232,6 +237,28 @@ class PointSearch:
             wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
         self.proposed.put(
             {pair: replace(outcomes[pair], found=None, why=CONTRADICTED) for pair in wrong}
+        )
+
+    def _withdraw_raised(self, places: AdjustedPlaces, picks: Picks) -> None:
+        """Withdraw proposals on the ground of labels that are more likely off it."""
+        outcomes = self.proposed.outcomes
+        keys = zip(picks.label, picks.image, *picks.pixel_px.T.tolist(), strict=True)
+        number = {key: i for i, key in enumerate(keys)}
+        results: dict[Pair, Found | Missed] = {}
+        for pair, one in outcomes.items():
+            pick = None if one.source is None else number.get((pair[1], *one.source))
+            if pick is not None and one.found is not None:
+                results[pair] = _as_find(pick, one.found, one.radius_px)
+            elif pick is not None and one.why != OFF_GROUND:
+                results[pair] = Missed(pick, one.radius_px, one.why)
+        record = Record().with_results(results)
+        raised = places.find_raised_labels(self._survey, picks, record)
+        self.proposed.put(
+            {
+                pair: replace(outcomes[pair], found=None, why=OFF_GROUND)
+                for pair in record.found
+                if pair[1] in raised
+            }
         )
 
     def _unknown(self, places: PredictedPlaces, state: State) -> Ints:

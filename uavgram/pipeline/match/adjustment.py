@@ -134,10 +134,13 @@ class BaseAdjustment:
         return replace(self, inputs=replace(self.inputs, picks=replace(picks, is_free=free)))
 
     def mark_unknown_heights(self, survey: Survey) -> Bools:
-        """Mark labels (K,) off the ground of unknown height, which only one photo shows."""
+        """Mark labels (K,) off the ground of unknown height: shown by picks of people alone."""
         picks = self.inputs.picks
         free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
-        return np.isin(survey.label, sorted(free)) & (_photos_of_labels(survey) < 2)
+        matched = np.zeros(len(survey.label), dtype=np.bool_)
+        if survey.matches.points:
+            matched[survey.pick_label[survey.matches.pick]] = True
+        return (np.isin(survey.label, sorted(free)) | survey.is_free) & ~matched
 
     def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, dict[Pair, str]]:
         """Adjust with the finds; also return the contradicted finds, with the reason.

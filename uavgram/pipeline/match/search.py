@@ -14,24 +14,22 @@ from uavgram.estimation.measuring.transferred_pixels import (
     transfer_pixels,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason, SoughtPoints
+from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.match.adjustment import BaseAdjustment
+from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
 from uavgram.pipeline.match.patch_search import (
     Photos,
     describe_miss,
     group_by_photos,
     search_places,
 )
-from uavgram.pipeline.match.selection import (
-    EVEN_ODDS,
-    find_raised_labels,
-    list_labels_without_height,
-)
+from uavgram.pipeline.match.selection import list_labels_without_height
 from uavgram.pipeline.match.sightline_search import search_sightlines
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match import (
     CONTRADICTED,
+    EVEN_ODDS,
     REGION_SQUARED,
     Candidates,
     Found,
@@ -42,6 +40,7 @@ from uavgram.stages.match import (
     choose_next_places,
     compute_radii,
     find_contradicted,
+    find_raised_labels,
     pick_sigmas,
 )
 
@@ -50,10 +49,6 @@ MAX_ROUNDS = 11
 
 LINES_BEFORE = 1
 """Rounds from the end at which lines of sight are searched, even if ground places remain."""
-
-MIN_PX = 0.5
-"""Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
-distortion."""
 
 
 class Search(NamedTuple):
@@ -93,11 +88,12 @@ def search_all_photos(
             choose_next_places(candidates, asked, record),
             choose_lines(candidates, asked, record),
         )
-        missed = record.in_vain.keys() - _mark_uninformative(candidates, record)
+        picks, sigma_px = base.inputs.picks, base.inputs.project.picks_sigma_px
+        evidence = collect_height_evidence(adjustment, picks, candidates, record, sigma_px)
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
         as_ground = [pair for pair in record.found if pair[1] in off]  # its patch may be wrong
-        raised = find_raised_labels(base.inputs.picks, record.found, missed, on_ground)
-        raised = raised or set(list_labels_without_height(base.inputs.picks, as_ground))
+        raised = find_raised_labels(evidence, on_ground)
+        raised = raised or set(list_labels_without_height(picks, as_ground))
         is_over = candidates.is_raised[rows].all()  # for ground points
         if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines of sight, or not
             base, record = base.free_heights(raised), record.without_labels(raised)
@@ -109,7 +105,7 @@ def search_all_photos(
             looked = _revoke_repeated(candidates, rows, looked, record)
         elif lines.size:  # the poses are as good as ground points allow
             looked = search_sightlines(
-                photos, base.inputs.picks, adjustment, candidates, lines, progress
+                photos, picks, adjustment, candidates, lines, sigma_px, progress
             )
         else:
             break
@@ -123,26 +119,6 @@ def _drop_contradicted(base: BaseAdjustment, record: Record) -> tuple[Adjustment
     """Return the adjustment with the finds, and the record without contradicted ones."""
     adjustment, wrong = base.adjusted(record.found)
     return adjustment, record.without(wrong)
-
-
-def _mark_uninformative(candidates: Candidates, record: Record) -> set[Pair]:
-    """Return missed pairs without information on the height: outside the photo, or moved points.
-
-    A moved point is beside its line of sight; a point along it may be at another height.
-    """
-    silent = {
-        pair for pair, why in record.in_vain.items() if why == REASON_TEXTS[RefusalReason.OUTSIDE]
-    }
-    places = candidates.places
-    for row, pair in enumerate(candidates.pair):
-        for missed in record.missed.get(pair, ()):
-            if missed.pixel_px is not None and missed.pick == candidates.pick[row]:
-                across = np.array([-1.0, 1.0]) * places.rise[row, ::-1]
-                off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])
-                spread = places.covariance_px2[row] + MIN_PX**2 * np.eye(2)
-                if off**2 > REGION_SQUARED * (across @ spread @ across):
-                    silent.add(pair)
-    return silent
 
 
 def _candidates(base: BaseAdjustment, adjustment: Adjustment) -> Candidates:

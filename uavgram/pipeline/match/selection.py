@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -36,42 +35,6 @@ def mark_existing_matches(picks: Picks, asked: Selection) -> Bools:
     pairs = zip(picks.image, picks.label, strict=True)
     again = np.array([asked.has(pair) for pair in pairs], dtype=np.bool_)
     return picks.of_source("match") & again
-
-
-MISSED = 1.0 / 30.0, 5.0 / 6.0
-"""Share of the photos that do not show a label at its place on the ground: for points on it, and
-for corners of cars and walls. Measured on rendered streets."""
-
-EVEN_ODDS = 1.0
-"""Odds that a label without a height is on the ground, without further information."""
-
-
-def find_raised_labels(
-    picks: Picks, found: Iterable[Pair], missed: Iterable[Pair], odds: float = EVEN_ODDS
-) -> set[str]:
-    """Find labels without a height that are more likely off the ground than on it.
-
-    Bayes' rule with the numbers of photos that show a label at its place on the ground, and that do
-    not.
-
-    Parameters
-    ----------
-    picks
-        All picks; the first of a label shows it wherever it is.
-    found, missed
-        Finds at the place on the ground, and unsuccessful searches there.
-    odds
-        Odds that a label is on the ground, before any other photo is searched.
-    """
-    shown = Counter([*picks.label, *(label for _, label in found)])
-    not_there = Counter(list_labels_without_height(picks, missed))
-    of_ground, of_raised = MISSED
-    if_shown, if_missed = (1.0 - of_ground) / (1.0 - of_raised), of_ground / of_raised
-    return {
-        label
-        for label, count in not_there.items()
-        if odds * if_shown ** (shown[label] - 1) * if_missed**count < 1.0
-    }
 
 
 def list_labels_without_height(picks: Picks, pairs: Iterable[Pair]) -> list[str]:

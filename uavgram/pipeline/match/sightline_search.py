@@ -8,12 +8,21 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
 from uavgram.imaging.matching.line_of_sight import SightLine, match_along_line
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
 from uavgram.pipeline.match.adjustment import MIN_HEIGHT_M
+from uavgram.pipeline.match.height_evidence import MIN_PX
 from uavgram.pipeline.match.patch_search import Photos
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.match import Candidates, Found, Missed, Pair, compute_radii, pick_sigmas
+from uavgram.stages.match import (
+    REGION_SQUARED,
+    Candidates,
+    Found,
+    Missed,
+    Pair,
+    compute_radii,
+    pick_sigmas,
+)
 
 HEIGHTS_M = -0.5, MIN_HEIGHT_M, 10.0
 """Heights above the ground [m]: lower limit of the search, upper limit of finds that count as the
@@ -41,6 +50,7 @@ def search_sightlines(
     adjustment: Adjustment,
     candidates: Candidates,
     rows: Ints,
+    sigma_px: float,
     progress: Progress = silent,
 ) -> dict[Pair, Found | Missed]:
     """Search for places, each pick in all photos together.
@@ -55,6 +65,8 @@ def search_sightlines(
         The adjustment that predicted the places, and all of them.
     rows
         Places to search for.
+    sigma_px
+        Sigma of picks that do not state one [px].
     progress
         Shows long loops.
     """
@@ -71,18 +83,23 @@ def search_sightlines(
     chosen = np.unique(candidates.pick[rows]).tolist()
     for pick in progress(iter(chosen), "looking along lines of sight", len(chosen)):
         own = rows[candidates.pick[rows] == pick]
-        results |= _search_pick(photos, picks, adjustment, candidates, own)
+        results |= _search_pick(photos, picks, adjustment, candidates, own, sigma_px)
     return results
 
 
 def _search_pick(
-    photos: Photos, picks: Picks, adjustment: Adjustment, candidates: Candidates, rows: Ints
+    photos: Photos,
+    picks: Picks,
+    adjustment: Adjustment,
+    candidates: Candidates,
+    rows: Ints,
+    sigma_px: float,
 ) -> dict[Pair, Found | Missed]:
-    """Search for the places of one pick.
+    """Search for the places of one pick; other picks of its label must agree with the height.
 
     Parameters
     ----------
-    photos, picks, adjustment, candidates
+    photos, picks, adjustment, candidates, sigma_px
         As for `search_sightlines`.
     rows
         Its places, in adjusted photos.
@@ -90,11 +107,23 @@ def _search_pick(
     pick, pairs = int(candidates.pick[rows[0]]), [candidates.pair[row] for row in rows]
     frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     of = frame[picks.image[pick]], adjustment.label_index(picks.label[pick])
-    others = np.array([frame[image] for image, _ in pairs])
-    line = project_sightline(adjustment, of, others, picks.pixel_px[pick])
-    source, targets = photos.get(picks.image[pick]), [photos.get(image) for image, _ in pairs]
-    found = match_along_line(source, targets, line)
-    sigma = pick_sigmas(found.covariance_px2, np.ones(len(rows), np.bool_))
+    picked = [
+        i
+        for i in np.flatnonzero(picks.of_source("hand")).tolist()
+        if picks.label[i] == picks.label[pick] and picks.image[i] in frame and i != pick
+    ]
+    names = [*(image for image, _ in pairs), *(picks.image[i] for i in picked)]
+    line = project_sightline(
+        adjustment, of, np.array([frame[name] for name in names]), picks.pixel_px[pick]
+    )
+    stated = np.where(np.isnan(picks.sigma_px), sigma_px, picks.sigma_px)
+    agrees = _agrees(
+        line, slice(len(pairs), None), picks.pixel_px[picked], (stated[pick], stated[picked])
+    )
+    line.pixel_px[~agrees] = np.nan
+    source = photos.get(picks.image[pick])
+    found = match_along_line(source, [photos.get(name) for name in names], line)
+    sigma = pick_sigmas(found.covariance_px2, np.ones(len(names), np.bool_))
     radius = compute_radii(candidates.places.covariance_px2[rows]).tolist()
     results: dict[Pair, Found | Missed] = {}
     for k, pair in enumerate(pairs):
@@ -103,9 +132,34 @@ def _search_pick(
             results[pair] = Missed(pick, radius[k], why)
         else:
             u, v = np.round(found.pixel_px[k], 3).tolist()
-            stated, score = round(float(sigma[k]), 4), round(float(found.score[k]), 3)
-            results[pair] = Found(pick, (u, v), stated, score, radius[k])
+            own, score = round(float(sigma[k]), 4), round(float(found.score[k]), 3)
+            results[pair] = Found(pick, (u, v), own, score, radius[k])
     return results
+
+
+def _agrees(
+    line: SightLine, others: slice, picked_px: Floats, sigma_px: tuple[float, Floats]
+) -> Bools:
+    """Mark places (k,) of a line that agree with the picks of the same label in other photos.
+
+    Parameters
+    ----------
+    line
+        Line of sight.
+    others
+        These photos.
+    picked_px
+        (m, 2) picks there.
+    sigma_px
+        Sigma of the pick on the line, and sigmas (m,) of the others.
+    """
+    own, there = sigma_px
+    turn = line.affine[:, others]
+    noise = own**2 * turn @ np.swapaxes(turn, 2, 3)
+    noise += (there**2 + MIN_PX**2)[:, None, None] * np.eye(2)
+    off = line.pixel_px[:, others] - picked_px
+    square = np.einsum("kmi,kmi->km", off, np.linalg.solve(noise, off[..., None])[..., 0])
+    return np.asarray((square <= REGION_SQUARED).all(axis=1))
 
 
 def project_sightline(

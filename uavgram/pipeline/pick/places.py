@@ -26,12 +26,21 @@ from uavgram.model.frames import Poses
 from uavgram.model.observations import KnownWorldPoints, Picks
 from uavgram.model.survey import World
 from uavgram.pipeline.match.adjustment import UNEVEN_M
-from uavgram.pipeline.match.search import MIN_PX, make_search_places
+from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
+from uavgram.pipeline.match.search import make_search_places
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.match import REGION_SQUARED, compute_radii, compute_stretches, find_contradicted
+from uavgram.stages.match import (
+    REGION_SQUARED,
+    Candidates,
+    Record,
+    compute_radii,
+    compute_stretches,
+    find_contradicted,
+    find_raised_labels,
+)
 from uavgram.stages.products.map_layers import shown_poses
 from uavgram.stages.products.mission import planned_origin
 from uavgram.stages.refine.readjustment import MorePicks, add_picks
@@ -270,6 +279,24 @@ class AdjustedPlaces(PredictedPlaces):
         joint = self.predicted.joint_covariance(self.adjustment, at)
         off = pixel_px - self.predicted.pixel_px[at]
         return find_contradicted(off, joint, np.hypot(sigma_px, MIN_PX))
+
+    def find_raised_labels(self, survey: LiveSurvey, picks: Picks, record: Record) -> set[str]:
+        """Find labels without a height that are more likely off the ground than on it.
+
+        Parameters
+        ----------
+        survey, picks
+            The project, and its present picks.
+        record
+            Finds and unsuccessful searches at these places.
+        """
+        pairs, none = tuple(zip(self.image, self.label, strict=True)), np.zeros(len(self), np.bool_)
+        places = self.predicted.select(self.row)
+        candidates = Candidates(places, pairs, self.pick, self.is_raised, none)
+        sigma_px = survey.inputs.project.picks_sigma_px
+        return find_raised_labels(
+            collect_height_evidence(self.adjustment, picks, candidates, record, sigma_px)
+        )
 
 
 @with_one_blas_thread

@@ -1,0 +1,123 @@
+"""Collect what photos show of the heights of labels: hand picks, finds and failed searches."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.measuring.transferred_pixels import PickedPixels, transfer_between_picks
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
+from uavgram.model.arrays import Floats
+from uavgram.model.observations import Picks
+from uavgram.pipeline.match.selection import list_labels_without_height
+from uavgram.stages.match import REGION_SQUARED, Candidates, HeightEvidence, Missed, Record
+
+MIN_PX = 0.5
+"""Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
+distortion."""
+
+
+class _Seen(NamedTuple):
+    """Row of `HeightEvidence`."""
+
+    label: str
+    off_px: Floats
+    covariance_px2: Floats
+    rise: Floats
+    is_picked: bool
+
+
+def collect_height_evidence(
+    adjustment: Adjustment, picks: Picks, candidates: Candidates, record: Record, sigma_px: float
+) -> HeightEvidence:
+    """Collect the evidence on the heights of labels that are neither stated nor free.
+
+    Parameters
+    ----------
+    adjustment, candidates
+        The adjustment that predicted the places, and all of them.
+    picks
+        Picks of the project.
+    record
+        The search so far.
+    sigma_px
+        Sigma of picks that do not state one [px].
+    """
+    blank = set(list_labels_without_height(picks, zip(picks.image, picks.label, strict=True)))
+    seen = _compare_picks(adjustment, picks, sigma_px)
+    places = candidates.places
+    for row, pair in enumerate(candidates.pair):
+        found, tried = record.found.get(pair), record.missed.get(pair, ())
+        if found is not None and found.pick == candidates.pick[row]:
+            off = np.array(found.pixel_px) - places.pixel_px[row]
+        elif found is None and any(
+            missed.pick == candidates.pick[row] and is_informative(candidates, row, missed)
+            for missed in tried
+        ):
+            off = np.full(2, np.nan)
+        else:
+            continue
+        spread = places.covariance_px2[row] + MIN_PX**2 * np.eye(2)
+        seen.append(_Seen(pair[1], off, spread, places.rise[row], is_picked=False))
+    seen = [one for one in seen if one.label in blank]
+    return HeightEvidence(
+        tuple(one.label for one in seen),
+        np.array([one.off_px for one in seen]).reshape(-1, 2),
+        np.array([one.covariance_px2 for one in seen]).reshape(-1, 2, 2),
+        np.array([one.rise for one in seen]).reshape(-1, 2),
+        np.array([one.is_picked for one in seen], dtype=np.bool_),
+    )
+
+
+def _compare_picks(adjustment: Adjustment, picks: Picks, sigma_px: float) -> list[_Seen]:
+    """Compare the hand picks of each label with the places that its first one has on the ground."""
+    clicked, rows = locate_picks(adjustment, picks)
+    places = transfer_between_picks(adjustment, clicked)
+    first: dict[str, int] = {}
+    other = {(picks.image[i], picks.label[i]): i for i in rows}
+    sigma = np.where(np.isnan(picks.sigma_px), sigma_px, picks.sigma_px)
+    seen = []
+    for k, (click, photo) in enumerate(zip(places.click.tolist(), places.frame_id, strict=True)):
+        i, label = rows[click], picks.label[rows[click]]
+        if first.setdefault(label, i) == i and photo != picks.image[i]:
+            there, turn = other[photo, label], places.affine[k]
+            noise = sigma[i] ** 2 * turn @ turn.T + (sigma[there] ** 2 + MIN_PX**2) * np.eye(2)
+            off = picks.pixel_px[there] - places.pixel_px[k]
+            spread = places.covariance_px2[k] + noise
+            seen.append(_Seen(label, off, spread, places.rise[k], is_picked=True))
+    return seen
+
+
+def locate_picks(adjustment: Adjustment, picks: Picks) -> tuple[PickedPixels, list[int]]:
+    """Return the hand picks whose photo and label are adjusted, and their numbers."""
+    survey = adjustment.survey
+    frame = {name: k for k, name in enumerate(survey.frame_id)}
+    label = {name: k for k, name in enumerate(survey.label)}
+    rows = [
+        i
+        for i in np.flatnonzero(picks.of_source("hand")).tolist()
+        if picks.image[i] in frame and picks.label[i] in label
+    ]
+    clicked = PickedPixels(
+        np.array([frame[picks.image[i]] for i in rows], dtype=np.int64),
+        np.array([label[picks.label[i]] for i in rows], dtype=np.int64),
+        picks.pixel_px[rows].reshape(-1, 2),
+    )
+    return clicked, rows
+
+
+def is_informative(candidates: Candidates, row: int, missed: Missed) -> bool:
+    """Return whether an unsuccessful search contains information on the height.
+
+    Outside the photo there is none. A look-alike beside the line of sight has moved; one along it
+    may be at another height.
+    """
+    if missed.pixel_px is None:
+        return missed.why != REASON_TEXTS[RefusalReason.OUTSIDE]
+    places = candidates.places
+    across = np.array([-1.0, 1.0]) * places.rise[row, ::-1]
+    off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])
+    spread = places.covariance_px2[row] + MIN_PX**2 * np.eye(2)
+    return bool(off**2 <= REGION_SQUARED * (across @ spread @ across))
