@@ -265,7 +265,15 @@ def _lines(result: Result, sheet: Sheet) -> list[tuple[Floats, Look]]:
 
 
 def known_look(status: str, colour: str, width: float) -> Look:
-    """Return the style of a known line: dashed if it is not used, bold and red if it is wrong."""
+    """Return the style of a known line: dashed if it is not used, bold and red if it is wrong.
+
+    Parameters
+    ----------
+    status
+        Its status.
+    colour, width
+        Those of a line that is not wrong.
+    """
     is_bad = status in ("suspect", "removed")
     return Look(
         INK[status] if is_bad else colour,
