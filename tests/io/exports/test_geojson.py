@@ -14,13 +14,14 @@ import synthetic_survey as survey
 from ezdxf.filemanagement import readfile
 from pyproj import Geod
 
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.io.exports.dxf import write_local_dxf
 from uavgram.io.exports.geojson import dump_geojson, write_geojson
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.kml import write_kml
-from uavgram.io.exports.qgis import LayerStyle, write_qgis_project
+from uavgram.io.exports.qgis import write_qgis_project
 from uavgram.io.tables.measure import POINT_COUNTS
-from uavgram.model.maps import Layer
+from uavgram.model.maps import Layer, LayerStyle
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementKind
 from uavgram.stages.products.map_layers import features_of
@@ -35,7 +36,17 @@ def features(sample_result: Result) -> list[Feature]:
     return features_in(sample_result)
 
 
+def placed(result: Result) -> Result:
+    """The result with its points in the world where they are on the earth."""
+    points, world = result.points, result.world
+    assert world.origin is not None
+    height_m = np.full(len(points.label), world.origin.height_m)
+    enu = enu_from_geodetic(points.latitude_deg, points.longitude_deg, height_m, world.origin)
+    return replace(result, points=replace(points, position_world_m=enu))
+
+
 def features_in(result: Result) -> list[Feature]:
+    result = placed(result)
     content = json.loads(dump_geojson(result))
     assert content["type"] == "FeatureCollection"
     assert all(set(f) == {"type", "geometry", "properties"} for f in content["features"])
@@ -64,8 +75,9 @@ def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(
 
     azimuth, _, distance = GEOD.inv(*centre.T, *ring.T)
     farthest = np.argmax(distance)
-    assert distance.max() == pytest.approx(5.0, abs=1e-6)
-    assert distance.min() == pytest.approx(1.0, abs=1e-6)
+    # metres at the height of the ground, which are shorter on the ellipsoid below
+    assert distance.max() == pytest.approx(5.0, rel=2e-4)
+    assert distance.min() == pytest.approx(1.0, rel=2e-4)
     assert azimuth[farthest] % 180 == pytest.approx(np.rad2deg(3.1), abs=1e-4)
 
 
@@ -169,14 +181,14 @@ def test_every_file_has_a_new_layer(tmp_path: Path) -> None:
     features = features_of(result, "EPSG:32632")
     features = replace(features, layers=(*features.layers, sights))
     write_geopackage(features, tmp_path / "a.gpkg", LOOKS)
-    write_kml(features, tmp_path / "a.kml")
+    write_kml(features, tmp_path / "a.kml", LOOKS)
     write_local_dxf(features, tmp_path / "a.dxf")
     write_qgis_project(features, LOOKS, tmp_path / "a.qgs", has_ground=False)
 
     file = sqlite3.connect(tmp_path / "a.gpkg")
     assert file.execute("SELECT label FROM sight_lines").fetchall() == [("P00",)]
     file.close()
-    assert "<name>Sight lines</name>" in (tmp_path / "a.kml").read_text(encoding="utf-8")
+    assert "<name>Lines of sight</name>" in (tmp_path / "a.kml").read_text(encoding="utf-8")
     assert "lines of sight" in (tmp_path / "a.qgs").read_text(encoding="utf-8")
     drawn = readfile(tmp_path / "a.dxf").modelspace().query('*[layer=="SIGHT_LINES"]')
     assert len(drawn) == 1

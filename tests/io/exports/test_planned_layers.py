@@ -15,6 +15,7 @@ from planned_sample import HEIGHT_M, in_metres, sample_plan
 from uavgram.io.exports.geojson import write_layers_geojson
 from uavgram.io.exports.kml import write_kml
 from uavgram.stages.products.planned_layers import plan_layers
+from uavgram.views.map_styles import LOOKS
 
 PLAN = sample_plan()
 FEATURES = plan_layers(PLAN)
@@ -69,7 +70,7 @@ def test_what_cannot_be_measured_has_no_number(geojson: Path) -> None:
 
 
 def test_a_globe_shows_the_same_with_photos_in_the_air(tmp_path: Path) -> None:
-    write_kml(FEATURES, tmp_path / "plan.kml")
+    write_kml(FEATURES, tmp_path / "plan.kml", LOOKS)
     root = ET.parse(tmp_path / "plan.kml").getroot()  # noqa: S314 (our own file)
     folders = {
         folder.findtext(f"{KML}name"): folder.findall(f"{KML}Placemark")

@@ -1,45 +1,22 @@
-"""Writers of GeoJSON (RFC 7946): points.geojson, and all layers of a survey in one collection."""
+"""Writers of GeoJSON (RFC 7946): points.geojson, and all layers of a plan in one collection."""
 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from pyproj import Geod
 
-from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M, Origin, geodetic_from_enu
+from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, records
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import Features, Layer, transform_vertices
+from uavgram.model.maps import Features, Layer, ShapeKind
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import PointResults
-from uavgram.stages.products.columns import (
-    MEASUREMENTS,
-    POINTS,
-    heights_above_datum,
-    listed_columns,
-)
+from uavgram.stages.products.columns import MEASUREMENTS, POINTS, listed_columns
+from uavgram.stages.products.map_layers import located_layers
 
-Geometry = Record | None
-
-ELLIPSE_VERTICES = 36  # of an ellipse: its area is 0.5 % too small
-
-_OPEN = {
-    "distance",
-    "polyline",
-    "skid_speed",
-    "speed",
-    "angle",
-    "horizontal_distance",
-    "vertical_distance",
-    "slope",
-    "profile",
-    "height",
-}
 _NO_PLACE = (
     "The result has no geographic position (nothing ties its world to the earth, such as a flight "
     "log), so it cannot be drawn on a map. The local coordinates are in results.json."
@@ -50,6 +27,10 @@ _NO_ELLIPSOID = (
     "WGS 84 ellipsoid (RFC 7946): so they have none here. height_m of each point is its height "
     "above mean sea level; survey.gpkg has it as the third coordinate."
 )
+DEGREE_DECIMALS, HEIGHT_DECIMALS = 11, 6
+"""Decimals of degrees and of metres: a micrometre."""
+
+_KINDS: dict[ShapeKind, str] = {"point": "Point", "line": "LineString", "polygon": "Polygon"}
 
 
 def write_geojson(result: Result, path: str | Path) -> None:
@@ -71,139 +52,29 @@ def dump_geojson(result: Result) -> str:
     be wrong by up to a hundred metres: positions are then two-dimensional, with the reason in
     ``message``. `height_m` and `height_datum` are properties of each point in any case.
     """
-    members: Record = {"type": "FeatureCollection", "name": result.name}
-    features: list[Record] = []
-    if result.world.gauge == "plane" or result.world.origin is None:
-        members["message"] = _NO_PLACE
-    else:
-        place = _places(result)
-        if place.shape[1] < 3:
-            members["message"] = _NO_ELLIPSOID
-        features = _points(result, place) + _ellipses(result.points, place)
-        features += _measurements(result, place)
-    head = json.dumps(members, ensure_ascii=False, allow_nan=False)[:-1]
-    lines = (json.dumps(f, ensure_ascii=False, allow_nan=False) for f in features)
-    body = "\n" + ",\n".join(lines) + "\n" if features else ""
-    return f'{head}, "features": [{body}]}}\n'
-
-
-def _features(what: str, geometries: Iterable[Geometry], /, **columns: object) -> list[Record]:
-    """Return shapes with their properties: columns of N values by name."""
-    return [
-        {"type": "Feature", "geometry": geometry, "properties": {"type": what, **row}}
-        for geometry, row in zip(geometries, records(**columns), strict=True)
-    ]
-
-
-def _points(result: Result, place: Floats) -> list[Record]:
-    return _features(
-        "point",
-        ({"type": "Point", "coordinates": each} for each in place.tolist()),
-        **listed_columns(POINTS, result),
+    world = result.world
+    if world.gauge == "plane" or world.origin is None:
+        return _collection({"name": result.name, "message": _NO_PLACE}, [])
+    members = {"name": result.name}
+    if world.ellipsoid_shift_m is None:
+        members["message"] = _NO_ELLIPSOID
+    points, ellipses, *measured = located_layers(result)
+    rows = records(**listed_columns(POINTS, result)), ellipses.records()
+    pairs = [*zip((points, ellipses), rows, strict=True)]
+    measurements = records(**listed_columns(MEASUREMENTS, result))
+    pairs += [(layer, [row]) for layer, row in zip(measured, measurements, strict=True)]
+    return _collection(
+        members,
+        (
+            one
+            for layer, own in pairs
+            for one in _features(layer, own, "type", world.origin, world.ellipsoid_shift_m)
+        ),
     )
-
-
-def _ellipses(points: PointResults, place: Floats) -> list[Record]:
-    """Return level ellipses, at the heights of their points."""
-    rings = _ellipse_rings(points)
-    heights = np.broadcast_to(place[:, None, 2:], (*rings.shape[:2], place.shape[1] - 2))
-    placed = np.concatenate([rings, heights], axis=2)
-    return _features(
-        "ellipse_95",
-        ({"type": "Polygon", "coordinates": [ring]} for ring in placed.tolist()),
-        label=points.label,
-        semi_major_m=points.ellipse_95_m[:, 0],
-        semi_minor_m=points.ellipse_95_m[:, 1],
-    )
-
-
-def _ellipse_rings(points: PointResults) -> Floats:
-    """Return (K, VERTICES + 1, 2) closed rings of [longitude, latitude], counterclockwise."""
-    angle = np.linspace(0.0, 2.0 * np.pi, ELLIPSE_VERTICES + 1)
-    major = points.ellipse_95_m[:, :1] * np.cos(angle)
-    minor = points.ellipse_95_m[:, 1:] * np.sin(angle)  # to the left of the major axis
-    distance_m = np.hypot(major, minor)
-    azimuth_rad = points.ellipse_azimuth_rad[:, None] - np.arctan2(minor, major)
-    start = np.broadcast_to(_lonlat(points)[:, None, :], (*distance_m.shape, 2))
-    longitude, latitude, _ = Geod(ellps="WGS84").fwd(
-        start[..., 0].ravel(),
-        start[..., 1].ravel(),
-        np.rad2deg(azimuth_rad).ravel(),
-        distance_m.ravel(),
-    )
-    rings = np.stack([longitude, latitude], axis=-1).reshape(*distance_m.shape, 2)
-    rings[:, -1] = rings[:, 0]  # exactly closed
-    return rings
-
-
-def _measurements(result: Result, place: Floats) -> list[Record]:
-    measurements = result.measurements
-    place_of = dict(zip(result.points.label, place.tolist(), strict=True))
-    shapes = zip(measurements.kind, measurements.outlines, strict=True)
-    return _features(
-        "measurement",
-        (_geometry(kind, [place_of.get(label) for label in labels]) for kind, labels in shapes),
-        **listed_columns(MEASUREMENTS, result),
-    )
-
-
-def _geometry(kind: str, places: list[list[float] | None]) -> Geometry:
-    """Return the shape of a measurement; None ("unlocated") where a point has no position."""
-    known = [position for position in places if position is not None]
-    if len(known) < len(places):
-        return None
-    if kind in {"coordinate", "plane_distance"} or len(known) == 1:
-        return {"type": "Point", "coordinates": known[0]}
-    if kind in {"area", "volume"}:
-        return {"type": "Polygon", "coordinates": [_counterclockwise([*known, known[0]])]}
-    if kind == "line_distance":  # from the first point to its foot on the line of the others
-        return {"type": "LineString", "coordinates": [known[0], _foot(known)]}
-    if kind in _OPEN:
-        return {"type": "LineString", "coordinates": known}
-    raise ValueError(f"no shape for a measurement of kind {kind!r}")
-
-
-def _counterclockwise(ring: list[list[float]]) -> list[list[float]]:
-    x, y = (np.array(ring) - ring[0]).T[:2]
-    is_clockwise = float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) < 0
-    return ring[::-1] if is_clockwise else ring
-
-
-def _foot(places: list[list[float]]) -> list[float]:
-    """Return the foot of the perpendicular from the first position to the line of the next two."""
-    point, start, end = np.array(places[:3])
-    # in metres: a degree of longitude is shorter by the cosine of the latitude
-    degree_m = np.deg2rad(EARTH_RADIUS_M)
-    scale = np.array([np.cos(np.deg2rad(point[1])) * degree_m, degree_m, 1.0])[: len(point)]
-    along, to_point = (end - start) * scale, (point - start) * scale
-    fraction = float(along @ to_point / (along @ along)) if along.any() else 0.0
-    foot: list[float] = (start + fraction * (end - start)).tolist()
-    return foot
-
-
-def _lonlat(points: PointResults) -> Floats:
-    return np.stack([points.longitude_deg, points.latitude_deg], axis=1)
-
-
-def _places(result: Result) -> Floats:
-    """Return (K, 3) longitude, latitude, height above the ellipsoid; (K, 2) if that is unknown."""
-    shift, lonlat = result.world.ellipsoid_shift_m, _lonlat(result.points)
-    if shift is None:
-        return lonlat
-    return np.column_stack([lonlat, heights_above_datum(result) + shift])
-
-
-LAYER_DECIMALS = 9
-"""Decimals of degrees: a tenth of a millimetre."""
-
-_KINDS = {"point": "Point", "line": "LineString", "polygon": "Polygon"}
 
 
 def write_layers_geojson(features: Features, path: Path) -> None:
-    """Write all layers of georeferenced features, one feature a line, without heights.
-
-    Heights of positions would have to be above the ellipsoid (RFC 7946, 3.1.1), which are unknown
-    when a plan is laid out; relevant heights are properties.
+    """Write all layers of georeferenced features, one feature a line.
 
     Raises
     ------
@@ -212,46 +83,50 @@ def write_layers_geojson(features: Features, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    if features.origin is None:
+    origin, shift = features.origin, features.ellipsoid_shift_m
+    if origin is None:
         raise ValueError(f"{features.name}: no place on earth")
-    head = json.dumps({"type": "FeatureCollection", "name": features.name}, ensure_ascii=False)
-    lines = [
-        json.dumps(one, ensure_ascii=False, allow_nan=False)
+    every = (
+        one
         for layer in features.layers
-        for one in _layer_features(layer, features.origin)
-    ]
-    body = ",\n".join(lines)
-    replace_text(path, f'{head[:-1]}, "features": [\n{body}\n]}}\n')
+        for one in _features(layer, layer.records(), "layer", origin, shift)
+    )
+    replace_text(path, _collection({"name": features.name}, every))
 
 
-def _layer_features(layer: Layer, origin: Origin) -> list[Record]:
+def _collection(members: Record, features: Iterable[Record]) -> str:
+    head = json.dumps({"type": "FeatureCollection", **members}, ensure_ascii=False)
+    lines = [json.dumps(one, ensure_ascii=False, allow_nan=False) for one in features]
+    body = "\n" + ",\n".join(lines) + "\n" if lines else ""
+    return f'{head[:-1]}, "features": [{body}]}}\n'
+
+
+def _features(
+    layer: Layer, rows: Sequence[Record], key: str, origin: Origin, shift_m: float | None
+) -> list[Record]:
+    """Return the shapes of a layer with their properties, and its name under a key."""
+
     def on_earth(enu: Floats) -> Floats:
-        latitude, longitude, _ = geodetic_from_enu(enu, origin)
-        return np.asarray(
-            np.round(np.column_stack([longitude, latitude]), LAYER_DECIMALS), np.float64
-        )
+        latitude, longitude, height_m = geodetic_from_enu(enu, origin)
+        columns = [longitude.round(DEGREE_DECIMALS), latitude.round(DEGREE_DECIMALS)]
+        if shift_m is not None:
+            columns.append((height_m + shift_m).round(HEIGHT_DECIMALS))
+        return np.stack(columns, axis=1)
 
-    made = []
-    for row, vertices in enumerate(transform_vertices(layer.vertices_m, on_earth)):
-        properties = {key: _json(values[row]) for key, values in layer.attributes.items()}
-        geometry = {"type": _KINDS[layer.kind], "coordinates": _coordinates(layer, vertices)}
-        made.append(
-            {
-                "type": "Feature",
-                "geometry": geometry,
-                "properties": {"layer": layer.name, **properties},
-            }
-        )
-    return made
+    return [
+        {
+            "type": "Feature",
+            "geometry": _geometry(layer.kind, shape),
+            "properties": {key: layer.name, **row},
+        }
+        for shape, row in zip(layer.placed(on_earth), rows, strict=True)
+    ]
 
 
-def _coordinates(layer: Layer, vertices: Floats) -> object:
-    if layer.kind == "point":
-        return vertices[0].tolist()
-    if layer.kind == "line":
-        return vertices.tolist()
-    return [[*vertices.tolist(), vertices[0].tolist()]]
-
-
-def _json(value: str | float) -> str | float | None:
-    return None if isinstance(value, float) and math.isnan(value) else value
+def _geometry(kind: ShapeKind, shape: Floats) -> Record | None:
+    """Return a geometry; None ("unlocated") for a shape without vertices."""
+    if not len(shape):
+        return None
+    vertices = shape.tolist()
+    coordinates = {"point": vertices[0], "line": vertices, "polygon": [vertices]}[kind]
+    return {"type": _KINDS[kind], "coordinates": coordinates}

@@ -23,9 +23,9 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from uavgram.geometry.earth.geodesy import projected_from_enu
-from uavgram.io.exports.qgis import LayerStyle, create_style
+from uavgram.io.exports.qgis import create_style
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import Attribute, Features, Layer, transform_vertices
+from uavgram.model.maps import Attribute, Features, Layer, LayerStyle
 
 _EXTENSIONS = """
 CREATE TABLE IF NOT EXISTS gpkg_extensions (
@@ -312,8 +312,8 @@ def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
     """Return the vertices of each shape on the map."""
     origin, crs = features.origin, features.crs
     if origin is None or crs is None:
-        return layer.vertices_m
-    return transform_vertices(layer.vertices_m, lambda enu: projected_from_enu(enu, origin, crs))
+        return layer.placed(lambda enu: enu)
+    return layer.placed(lambda enu: projected_from_enu(enu, origin, crs))
 
 
 def _field(values: Attribute) -> list[str] | list[float]:
@@ -347,8 +347,6 @@ def _geometry(layer: Layer, vertices: Floats, bounds: list[float], srs_id: int) 
     """Encode one shape, little-endian: header, bounds, well-known binary; None without position."""
     if not len(vertices):
         return None
-    if layer.kind == "polygon":
-        vertices = np.concatenate([vertices, vertices[:1]])
     has_bounds = layer.kind != "point"
     head = struct.pack("<2sBBi", b"GP", 0, 1 | has_bounds << 1, srs_id)
     if has_bounds:

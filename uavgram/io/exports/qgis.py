@@ -6,7 +6,6 @@ The layers are drawn as in the report, in the same style in GeoPackage and proje
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
@@ -14,7 +13,7 @@ import numpy as np
 from pyproj import CRS
 
 from uavgram.geometry.earth.geodesy import projected_from_enu
-from uavgram.model.maps import Features, Layer, ShapeKind
+from uavgram.model.maps import Features, Layer, LayerStyle, ShapeKind
 
 _DASHES_MM = "3;2"
 _LABEL_PT = "8"
@@ -25,40 +24,6 @@ _PLACEMENT: dict[ShapeKind, str] = {"point": "0", "line": "2", "polygon": "4"}
 # QgsLabeling.LinePlacementFlag: above, below, map orientation; and the distance by which texts may
 # extend beyond the ends of lines: otherwise short or crowded lines have none
 _BESIDE_LINE, _BEYOND_MM = str(2 + 4 + 8), "40"
-
-
-@dataclass(frozen=True, kw_only=True)
-class LayerStyle:
-    """Style of a layer.
-
-    Attributes
-    ----------
-    title
-        Displayed name.
-    colour
-        ``#rrggbb``.
-    width_mm
-        Of lines and outlines; of a point, its size.
-    dashed
-        Whether lines are.
-    filled
-        Opacity inside polygons.
-    label
-        The column that is written beside each shape; empty: none.
-    shown
-        Whether it is visible at first.
-    by_status
-        Colours of shapes by their column ``status``; all others have `colour`.
-    """
-
-    title: str
-    colour: str
-    width_mm: float
-    dashed: bool = False
-    filled: float = 0.0
-    label: str = ""
-    shown: bool = True
-    by_status: dict[str, str] = field(default_factory=dict)
 
 
 def create_style(look: LayerStyle, kind: ShapeKind) -> Element:
