@@ -44,9 +44,6 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
         table.faults.append(
             (1, "holds no pick: pick points with `uavgram pick`, or add a line each")
         )
-    table.require_sigma("sigma_px")
-    table.require_sigma("height_sigma_m")
-    table.require_short("label")
     _check_names(table)
     _check_doubles(table)
     _check_heights(table)

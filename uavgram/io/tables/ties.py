@@ -32,8 +32,6 @@ def read_ties(path: str | Path) -> TiePicks:
         tie point twice in one image or in one image only, an invalid sigma.
     """
     table = read_table(path, TIES_COLUMNS)
-    table.require_sigma("sigma_px")
-    table.require_short("tie")
     for row, image in enumerate(table.text["image"]):
         name = image.replace("\\", "/").split("/")[-1]
         if name != image:
