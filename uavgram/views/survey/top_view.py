@@ -40,6 +40,8 @@ DIAMOND = 5.0
 WELL_KNOWN_M = 0.01
 # With more lines than this they are thin, and only some of the measured ones are named.
 MANY_LINES, MAX_MEASURED = 20, 12
+# With more points than this only those of a measurement, a known length or a check are shown.
+MANY_POINTS = 60
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
 DASHES = "7 4"
 AREA_OPACITY = 0.15
@@ -154,8 +156,8 @@ def top_view(
     Parameters
     ----------
     result, most_height, shown
-        See `fit_layout`; with `shown`, only these points have names and dots, and there are no
-        heights.
+        See `fit_layout`; with `shown` there are no heights, and other points have names only where
+        there is room, and of many points only these have dots.
     ground, address
         Picture of the ground below the drawing, and its address.
     """
@@ -178,7 +180,8 @@ def top_view(
         ink = INK["ellipse"]
         look = Look(ink, 1.0, fill=ink, fill_opacity=0.15) if fill_ellipses else Look(ink, 0.6)
         drawing.lines("ellipses", _ellipses(result, sheet, factor), look)
-    off_ground = draw_survey(drawing, sheet, result, shown, on_picture=not is_bare)
+    dotted = None if shown is None or len(shown) <= MANY_POINTS else shown
+    off_ground = draw_survey(drawing, sheet, result, dotted, on_picture=not is_bare)
     texts = survey_texts(drawing, sheet, result, shown)
     if shown is None:
         spots = sheet(result.points.position_world_m)
@@ -335,7 +338,8 @@ def survey_texts(
     result
         The survey.
     named
-        (K,) the points with names; by default all.
+        (K,) the points that have names in any case, by default all; others have one if there is
+        room beside them, and if there are not many points.
     is_full
         Whether values have their sigmas and points their heights, and of many measured values all
         are named for which there is room, along their lines; otherwise only the least certain ones.
@@ -370,10 +374,11 @@ def survey_texts(
         ink = INK["position" if status == "used" else status]
         texts.append(_along(drawing, [sheet(strip)], name, "known", ink, where))
     spots, heights = sheet(result.points.position_world_m), _heights(result) if is_full else {}
-    rows_named = _is_inside(drawing, spots) & (True if named is None else named)
-    for row in np.flatnonzero(rows_named).tolist():
+    needed_names = np.ones(len(spots), np.bool_) if named is None else named
+    wanted = needed_names | (len(spots) <= MANY_POINTS)
+    for row in np.flatnonzero(_is_inside(drawing, spots) & wanted).tolist():
         text = f"{result.points.label[row]} {heights.get(row, '')}".rstrip()
-        texts.append(TextRequest(text, "name", spots[row : row + 1]))
+        texts.append(TextRequest(text, "name", spots[row : row + 1], bool(needed_names[row])))
     return [text for text in texts if text is not None]
 
 
