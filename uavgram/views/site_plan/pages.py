@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import Name, PdfFile, PdfPages
+from matplotlib.figure import Figure
 from PIL import Image
 
 from uavgram.imaging.photos.preview import Pixels
@@ -159,15 +160,15 @@ def plan_pages(content: PlanContent) -> PlanFiles:
     with rc_context(_FONTS), JpegPages(pdf, metadata=metadata) as pages:
         png, rgba, corners = b"", np.zeros((1, 1, 4), np.uint8), np.zeros((3, 2))
         for number, page in enumerate(_sheets(content)):
-            draw_figure(page.drawing).savefig(pages, format="pdf")
+            figure = draw_figure(page.drawing)
+            figure.savefig(pages, format="pdf")
             if number == 0:
-                png, rgba, corners = _pictures(page)
+                png, rgba, corners = _pictures(page, figure)
     return PlanFiles(pdf=pdf.getvalue(), png=png, map_rgba=rgba, map_corners_m=corners)
 
 
-def _pictures(page: PlanPage) -> tuple[bytes, Pixels, Floats]:
+def _pictures(page: PlanPage, figure: Figure) -> tuple[bytes, Pixels, Floats]:
     """Convert a sheet to PNG; also return the pixels within its frame and their world corners."""
-    figure = draw_figure(page.drawing)
     FigureCanvasAgg(figure)
     stored = io.BytesIO()
     figure.savefig(stored, format="png", dpi=PNG_DPI, metadata={"Software": "uavgram"})
