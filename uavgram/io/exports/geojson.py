@@ -27,9 +27,6 @@ _NO_ELLIPSOID = (
     "WGS 84 ellipsoid (RFC 7946): so they have none here. height_m of each point is its height "
     "above mean sea level; survey.gpkg has it as the third coordinate."
 )
-DEGREE_DECIMALS, HEIGHT_DECIMALS = 11, 6
-"""Decimals of degrees and of metres: a micrometre."""
-
 _KINDS: dict[ShapeKind, str] = {"point": "Point", "line": "LineString", "polygon": "Polygon"}
 
 
@@ -108,10 +105,8 @@ def _features(
 
     def on_earth(enu: Floats) -> Floats:
         latitude, longitude, height_m = geodetic_from_enu(enu, origin)
-        columns = [longitude.round(DEGREE_DECIMALS), latitude.round(DEGREE_DECIMALS)]
-        if shift_m is not None:
-            columns.append((height_m + shift_m).round(HEIGHT_DECIMALS))
-        return np.stack(columns, axis=1)
+        heights = [] if shift_m is None else [height_m + shift_m]
+        return np.stack([longitude, latitude, *heights], axis=1)
 
     return [
         {
