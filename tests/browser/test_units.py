@@ -31,7 +31,6 @@ WITH_ITS_MODULE = """async ([units, cases]) => {
     const own = await import("/page/elements/units.js?alone");
     own.useUnits(units);
     return {
-        quantities: cases.quantities.map(({ value }) => own.quantity(...value)),
         fields: cases.fields.map(({ text }) => own.parseLength(text)),
         kept: cases.kept.map((text) => own.fieldText(own.parseLength(text))),
         unchanged: cases.unchanged.flatMap((metres) => ["length", "small"].map(
@@ -54,10 +53,9 @@ def survey(data_dir: Path, tmp_path: Path) -> Path:
 
 
 def check_cases(page: Page) -> None:
-    """The page writes and reads numbers as the table says, which the program is held to too."""
+    """The page reads and keeps typed lengths as the table says."""
     for name, units in UNITS.items():
         said = page.evaluate(WITH_ITS_MODULE, [units, CASES])
-        assert said["quantities"] == [case[name] for case in CASES["quantities"]]
         assert said["unchanged"] == [metres for metres in CASES["unchanged"] for _ in range(2)]
         if name in CASES["fields"][0]:
             for case, metres in zip(CASES["fields"], said["fields"], strict=True):

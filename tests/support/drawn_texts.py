@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from uavgram.io.exports.dxf import place_texts
 from uavgram.model.arrays import Floats
+from uavgram.model.maps import Paper
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
@@ -26,20 +27,18 @@ from uavgram.views.recording.view_texts import (
 )
 from uavgram.views.recording.world.labels import survey_labels
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.site_plan.drawing import draw_survey
-from uavgram.views.site_plan.sheet import THIN_PT, Sheet
+from uavgram.views.site_plan.legend import PlanPage
+from uavgram.views.site_plan.pages import PlanContent, draw_sheet
+from uavgram.views.survey.figure import draw_figure
 
 PLAN = re.compile(r'<svg class="(?:drawing|photo)".*?</svg>', re.DOTALL)
 TEXT = re.compile(
-    r'<text x="([-\d.]+)" y="([-\d.]+)" class="(\w+)" text-anchor="(\w+)"[^>]*'
-    r'font-size="([\d.]+)" font-weight="(\w+)"[^>]*>(.*?)</text>'
+    r'<text x="([-\d.]+)" y="([-\d.]+)" class="(\w+)"[^>]* textLength="([-\d.]+)"[^>]*'
+    r'font-size="([\d.]+)"[^>]*?(?: transform="rotate\(([-\d.]+)[^>]*)?>(.*?)</text>'
 )
 LEADER = re.compile(
     r'<path d="((?:M[-\d.]+,[-\d.]+ [-\d.]+,[-\d.]+)+)" fill="none" stroke="#1b1f24"'
 )
-LEADER_PT = 1.5 * THIN_PT
-ARIAL, ARIAL_BOLD = 0.28, 0.31
-"""Half the width of a letter of Arial, as a share of its height, in the mean."""
 
 
 class Drawn(NamedTuple):
@@ -57,13 +56,15 @@ class Drawn(NamedTuple):
 def in_svg(svg: str) -> Drawn:
     """Texts of a drawing of the report or the field sheet."""
     texts, boxes, height = [], [], 1.0
-    for x, y, kind, anchor, size, weight, text in TEXT.findall(svg):
+    for x, y, kind, width, size, turn, text in TEXT.findall(svg):
         if kind != "scale":
-            height = float(size)
-            half = (ARIAL_BOLD if weight == "bold" else ARIAL) * height * len(text)
-            aside = {"start": half, "middle": 0.0, "end": -half}[anchor]
+            height, angle = float(size), np.radians(float(turn or 0.0))
+            middle = (
+                float(x) + 0.3 * height * np.sin(angle),
+                float(y) - 0.3 * height * np.cos(angle),
+            )
             texts.append(text)
-            boxes.append((float(x) + aside, float(y) - 0.3 * height, half, 0.4 * height, 0.0))
+            boxes.append((*middle, float(width) / 2, 0.4 * height, angle))
     ends = [
         pair.split(" ")[1].split(",")
         for path in LEADER.findall(svg)
@@ -92,22 +93,31 @@ def in_cad(result: Result) -> Drawn:
 
 def on_plan(result: Result) -> Drawn:
     """Texts of the plan to scale, as Matplotlib draws them [mm]."""
-    plan = lay_plan(surveyed_extent(result), "a4")
-    sheet = Sheet(plan, plan.sheets[0])
-    draw_survey(sheet, result)
-    renderer = FigureCanvasAgg(sheet.figure).get_renderer()  # type: ignore[no-untyped-call]
-    mm, boxes = sheet.figure.dpi / 25.4, []
-    for one in sheet.axes.texts:
-        turn = float(one.get_rotation())
+    page = plan_page(result)
+    placed, figure = page.drawing.texts, draw_figure(page.drawing)
+    renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
+    mm, boxes = figure.dpi / 25.4, []
+    shown = figure.axes[0].texts[-len(placed) :]
+    for one, text in zip(shown, placed, strict=True):
         one.set_rotation(0.0)
-        one.set_bbox(None)
         extent = one.get_window_extent(renderer)
-        (x, y), half = one.get_position(), np.array([extent.width, extent.height]) / mm / 2
-        boxes.append((x, y, *half, np.radians(turn)))
-    leaders = [line for line in sheet.axes.lines if line.get_linewidth() == LEADER_PT]
-    ends = [np.array(line.get_xydata(), np.float64)[-1] for line in leaders]
-    words = [one.get_text() for one in sheet.axes.texts]
+        half = np.array([extent.width, extent.height]) / mm / 2
+        above = half[1] * np.array([np.sin(text.turn), -np.cos(text.turn)])
+        boxes.append((text.x + above[0], text.y + above[1], *half, text.turn))
+    ends = [text.leader[1] for text in placed if text.leader is not None]
+    words = [one.get_text() for one in shown]
     return Drawn(words, np.array(boxes), np.array(ends, np.float64).reshape(-1, 2), 3.0)
+
+
+def plan_page(result: Result, paper: Paper = "a4", scale: int | None = None) -> PlanPage:
+    """The last sheet of a plan to scale, without a picture."""
+    extent = surveyed_extent(result)
+    plan = lay_plan(extent, paper, scale)
+    content = PlanContent(
+        result=result, plan=plan, overview=lay_plan(extent, paper), pictures=lambda *_: None,
+        notes=("The photos are grey.",), digest="0123" * 16,
+    )  # fmt: skip
+    return draw_sheet(content, plan, plan.sheets[-1], "overview of 100 sheets 1:5000")
 
 
 def in_space(texts: ViewTexts, eye: Eye) -> Drawn:
@@ -158,6 +168,6 @@ def check_texts(drawn: Drawn) -> None:
     assert not np.triu(overlaps(boxes, boxes), 1).any(), drawn.texts
     if len(ends):
         slack = 0.5 * drawn.height  # above and below letters
-        grown = boxes + np.array([0.0, 0.0, 0.2 * drawn.height, slack, 0.0])
+        grown = boxes + np.array([0.0, 0.0, 0.3 * drawn.height, slack, 0.0])
         tips = np.column_stack([ends, np.full((len(ends), 2), 1e-6), np.zeros(len(ends))])
         assert overlaps(tips, grown).any(axis=1).all(), drawn.texts

@@ -45,7 +45,7 @@ def test_the_plan_names_what_the_result_rests_on_and_the_annex_every_point(resul
     )
     assert set() < used & every < every
     (plan,) = (one for one in in_report(result) if used & every <= set(one.texts))
-    assert every.intersection(plan.texts) == used & every
+    assert used & every < every.intersection(plan.texts)  # others where there is room
     assert len([one for one in in_annex(result) if every <= set(one.texts)]) == 2
 
 

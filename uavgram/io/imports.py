@@ -38,7 +38,7 @@ from uavgram.io.photos.metadata import (
 from uavgram.io.photos.pose_tables import convert_to_geodetic, parse_crs, read_content_lines
 from uavgram.io.tables.csv_tables import number_hint, parse_number
 from uavgram.model.arrays import Floats
-from uavgram.model.limits import find_unshowable, sigma_fault
+from uavgram.model.limits import find_unshowable, value_fault
 from uavgram.model.message import Message
 from uavgram.model.observations import ImportedPicks, KnownPoints
 
@@ -272,7 +272,7 @@ def _sigmas(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> Floats:
 
 
 def _sigma_fault(value: float | None) -> str:
-    return "must be a number" if value is None else sigma_fault(value)
+    return "must be a number" if value is None else value_fault("sigma", value)
 
 
 def _has_no_height(row: _Row, sigmas: GcpSigmas) -> bool:

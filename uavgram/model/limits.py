@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Collection
 
+from uavgram.errors import near_miss
 from uavgram.model.naming import FOOT_M
 
 LARGEST_NUMBER = 1e10
@@ -21,13 +23,50 @@ Weights beyond them make the other terms of a sum lose all their digits.
 """
 
 
-def sigma_fault(value: float) -> str:
-    """Return why a number cannot be a standard deviation; empty where it can."""
-    if value <= 0:
+RANGES = (
+    (re.compile(r"sigma|straightness"), SMALLEST_SIGMA, LARGEST_SIGMA),
+    (re.compile(r"latitude_deg$"), -90.0, 90.0),
+    (re.compile(r"longitude_deg$"), -360.0, 360.0),
+    (re.compile(r"^length_m$"), SMALLEST_SIGMA, LARGEST_NUMBER),
+    (re.compile(r""), -LARGEST_NUMBER, LARGEST_NUMBER),
+)
+"""Least and greatest number in a field of a file or of the page, by a pattern of its name."""
+
+
+def range_of(field: str) -> tuple[float, float]:
+    """Return the least and the greatest number that a field may have, by its name."""
+    return next((least, most) for pattern, least, most in RANGES if pattern.search(field))
+
+
+def value_fault(field: str, value: float) -> str:
+    """Return why a field cannot have a number, by its name; empty where it can.
+
+    It holds for project files, tables and the page alike.
+    """
+    least, most = range_of(field)
+    if least > 0 and value <= 0:
         return "must be greater than 0"
-    if not SMALLEST_SIGMA <= value <= LARGEST_SIGMA:
-        return f"must lie between {SMALLEST_SIGMA:g} and {LARGEST_SIGMA:g}"
+    if not least <= value <= most:
+        return f"must lie between {least:g} and {most:g}"
     return ""
+
+
+def number_fault(value: float) -> str:
+    """Return why a number of any unit is out of range; empty where it is not."""
+    return value_fault("", value)
+
+
+def length_fault(value: float) -> str:
+    """Return why a number cannot be a length in metres; empty where it can."""
+    return value_fault("length_m", value)
+
+
+def choice_fault(word: str, known: Collection[str]) -> str:
+    """Return why a word is none of those that a field may have; empty where it is."""
+    if word in known:
+        return ""
+    hint = f": {guess}" if (guess := near_miss(word, known)) else ""
+    return f"must be {' or '.join(known)} (got {word!r}){hint}"
 
 
 def require(condition: bool, message: str) -> None:  # noqa: FBT001
@@ -93,18 +132,6 @@ def escape_unshowable(text: str) -> str:
 
 LONGEST_NAME = 200
 """Largest number of characters in a label, or in the name of a photo, length or measurement."""
-
-
-def length_fault(value: float) -> str:
-    """Return why a number cannot be a length in metres; empty where it can."""
-    return "must be greater than 0" if value <= 0 else number_fault(value)
-
-
-def number_fault(value: float) -> str:
-    """Return why a number is out of range; empty where it is not."""
-    if not abs(value) <= LARGEST_NUMBER:
-        return f"must lie between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}"
-    return ""
 
 
 def name_fault(name: str) -> str:

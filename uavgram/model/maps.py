@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ ShapeKind = Literal["point", "line", "polygon"]
 Attribute = tuple[str, ...] | tuple[float, ...]
 
 
-HIDDEN = ("footprints", "ellipses_95")
+HIDDEN = ("footprints", "ellipses_95", "planned_footprints")
 """Layers that exported files hide at first; the receiver's bias makes ellipses metres wide."""
 
 
@@ -58,6 +59,61 @@ class Layer:
         """Return the number of shapes."""
         return len(self.vertices_m)
 
+    def records(self) -> list[dict[str, str | float | None]]:
+        """Return the attributes of each shape, None for numbers that are not finite."""
+        columns = (
+            [None if isinstance(one, float) and not math.isfinite(one) else one for one in values]
+            for values in self.attributes.values()
+        )
+        return [dict(zip(self.attributes, row, strict=True)) for row in zip(*columns, strict=True)]
+
+    def placed(self, place: Callable[[Floats], Floats]) -> tuple[Floats, ...]:
+        """Return the vertices of each shape in other coordinates, see `transform_vertices`."""
+        shapes = transform_vertices(self.vertices_m, place)
+        return tuple(map(close_ring, shapes)) if self.kind == "polygon" else shapes
+
+
+def close_ring(ring: Floats) -> Floats:
+    """Repeat the first vertex of a ring (v, d) at its end."""
+    return np.concatenate([ring, ring[:1]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerStyle:
+    """Style of a layer.
+
+    Attributes
+    ----------
+    title
+        Displayed name.
+    colour
+        ``#rrggbb``.
+    globe
+        Colour on photos of a globe: ``aabbggrr``, as in KML; a tenth of it fills polygons.
+    width_mm
+        Of lines and outlines; of a point, its size.
+    dashed
+        Whether lines are.
+    filled
+        Opacity inside polygons.
+    label
+        The column that is written beside each shape; empty: none.
+    shown
+        Whether it is visible at first.
+    by_status
+        Colours of shapes by their column ``status``; all others have `colour`.
+    """
+
+    title: str
+    colour: str
+    globe: str = "ffffffff"
+    width_mm: float = 0.3
+    dashed: bool = False
+    filled: float = 0.0
+    label: str = ""
+    shown: bool = True
+    by_status: dict[str, str] = field(default_factory=dict)
+
 
 def transform_vertices(
     shapes: tuple[Floats, ...], place: Callable[[Floats], Floats]
@@ -88,6 +144,8 @@ class Features:
         Projected coordinate system for maps, such as ``EPSG:32756``; None without an origin.
     profiles
         Drawings of the measured profiles.
+    ellipsoid_shift_m
+        Height above the WGS 84 ellipsoid minus that above the datum; None if it is not known.
     """
 
     name: str
@@ -96,6 +154,7 @@ class Features:
     height_datum: HeightDatum
     crs: str | None
     profiles: tuple[ProfileSheet, ...] = ()
+    ellipsoid_shift_m: float | None = None
 
     def layer(self, name: str) -> Layer:
         """Return the layer of that name."""

@@ -14,7 +14,7 @@ from typing import Literal
 
 from uavgram.errors import near_miss
 from uavgram.model.flight_log import HeightDatum
-from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
+from uavgram.model.limits import value_fault
 from uavgram.model.naming import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M, Units
 from uavgram.model.provenance import Case
 from uavgram.model.survey import DEFAULT_AREA
@@ -42,13 +42,12 @@ class _Options:
     """Options checked on construction: finite numbers, fields named sigma, and own rules."""
 
     def __post_init__(self) -> None:
-        rules = {f.name: _sigma(getattr(self, f.name)) for f in fields(self) if "sigma" in f.name}
-        faults = {
-            f.name: fault for f in fields(self) if (fault := _number_fault(getattr(self, f.name)))
-        }
-        for name, (holds, text) in (rules | self._rules()).items():
-            if not holds:
-                faults.setdefault(name, text)
+        own, faults = self._rules(), dict[str, str]()
+        for name in (field_.name for field_ in fields(self)):
+            fault = _fault("" if name in own else name, getattr(self, name))
+            holds, text = own.get(name, (True, ""))
+            if fault or not holds:
+                faults[name] = fault or text
         if faults:
             raise OptionsError(self, tuple(faults.items()))
 
@@ -57,27 +56,21 @@ class _Options:
         return {}
 
 
-def _number_fault(value: object) -> str:
+def _fault(field_name: str, value: object) -> str:
+    """Return why a number, or one of several, is not valid for a field; empty for other values."""
     if isinstance(value, tuple):
-        return next(filter(None, map(_number_fault, value)), "")
-    if isinstance(value, float) and not math.isfinite(value):
-        return "must be a finite number"
-    is_large = isinstance(value, int | float) and abs(value) > LARGEST_NUMBER
-    return "is far too large" if is_large else ""
-
-
-def _sigma(value: float | tuple[float, ...] | Auto | None) -> tuple[bool, str]:
-    """Check one or several standard deviations; return whether they are valid, and the fault."""
-    if value is None or isinstance(value, str):
-        return True, ""
-    values = value if isinstance(value, tuple) else (value,)
-    fault = next(filter(None, map(sigma_fault, values)), "")
-    return not fault, fault
+        return next(filter(None, (_fault(field_name, one) for one in value)), "")
+    if not isinstance(value, int | float):
+        return ""
+    return value_fault(field_name, value) if math.isfinite(value) else "must be a finite number"
 
 
 def _size(value: float | None) -> tuple[bool, str]:
     """Check a standard deviation that may be 0, for an error that does not exist."""
-    return (False, "must not be negative") if (value or 0.0) < 0 else _sigma(value or None)
+    if value is not None and value < 0:
+        return False, "must not be negative"
+    fault = value_fault("sigma", value) if value else ""
+    return not fault, fault
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,12 +80,6 @@ class GeodeticOrigin(_Options):
     latitude_deg: float
     longitude_deg: float
     height_m: float
-
-    def _rules(self) -> dict[str, tuple[bool, str]]:
-        return {
-            "latitude_deg": (abs(self.latitude_deg) <= 90, "must lie between -90 and 90"),
-            "longitude_deg": (abs(self.longitude_deg) <= 360, "must lie between -360 and 360"),
-        }
 
 
 @dataclass(frozen=True, kw_only=True)

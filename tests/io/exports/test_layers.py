@@ -37,6 +37,7 @@ from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.planned_layers import plan_layers
+from uavgram.views.map_styles import LOOKS
 
 UNDULATION_M = 46.3
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -346,7 +347,7 @@ def test_what_cannot_be_measured_has_no_number(geojson: Path) -> None:
 
 
 def test_a_globe_shows_the_same_with_photos_in_the_air(tmp_path: Path) -> None:
-    write_kml(FEATURES, tmp_path / "plan.kml")
+    write_kml(FEATURES, tmp_path / "plan.kml", LOOKS)
     root = ET.parse(tmp_path / "plan.kml").getroot()  # noqa: S314 (our own file)
     folders = {
         folder.findtext(f"{KML}name"): folder.findall(f"{KML}Placemark")

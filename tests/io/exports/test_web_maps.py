@@ -17,11 +17,12 @@ from pyogrio import list_layers
 from pyogrio.raw import read
 from pyproj import Geod
 
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.io.exports.dxf import write_local_dxf
-from uavgram.io.exports.gis import LayerStyle, write_geopackage, write_qgis_project
+from uavgram.io.exports.gis import write_geopackage, write_qgis_project
 from uavgram.io.exports.web_maps import dump_geojson, write_geojson, write_kml
 from uavgram.io.tables.measure import POINT_COUNTS
-from uavgram.model.maps import Features, Layer
+from uavgram.model.maps import Features, Layer, LayerStyle
 from uavgram.model.observations import MeasurementKind
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
@@ -36,7 +37,21 @@ def point_features(sample_result: Result) -> list[Feature]:
     return features_in(sample_result)
 
 
+def placed(result: Result) -> Result:
+    """The result with its points in the world where they are on the earth."""
+    points, world = result.points, result.world
+    assert world.origin is not None
+    height_m = np.full(len(points.label), world.origin.height_m)
+    enu = enu_from_geodetic(points.latitude_deg, points.longitude_deg, height_m, world.origin)
+    return replace(result, points=replace(points, position_world_m=enu))
+
+
+def near(longitude: float, latitude: float) -> Any:  # noqa: ANN401
+    return pytest.approx([longitude, latitude], abs=1e-11)
+
+
 def features_in(result: Result) -> list[Feature]:
+    result = placed(result)
     content = json.loads(dump_geojson(result))
     assert content["type"] == "FeatureCollection"
     assert all(set(f) == {"type", "geometry", "properties"} for f in content["features"])
@@ -51,7 +66,7 @@ def of_type(point_features: list[Feature], kind: str) -> list[Feature]:
 def test_points_are_longitude_then_latitude(point_features: list[Feature]) -> None:
     first = of_type(point_features, "point")[0]
 
-    assert first["geometry"] == {"type": "Point", "coordinates": [-104.6, 50.1]}
+    assert first["geometry"] == {"type": "Point", "coordinates": near(-104.6, 50.1)}
     assert first["properties"]["label"] == "P"
     assert first["properties"]["frames"] == ["a.jpg", "b.jpg"]
     assert np.shape(first["properties"]["covariance_m2"]) == (2, 2)
@@ -65,8 +80,9 @@ def test_an_ellipse_has_its_axes_in_metres_and_its_azimuth_from_north(
 
     azimuth, _, distance = GEOD.inv(*centre.T, *ring.T)
     farthest = np.argmax(distance)
-    assert distance.max() == pytest.approx(5.0, abs=1e-6)
-    assert distance.min() == pytest.approx(1.0, abs=1e-6)
+    # metres at the height of the ground, which are shorter on the ellipsoid below
+    assert distance.max() == pytest.approx(5.0, rel=2e-4)
+    assert distance.min() == pytest.approx(1.0, rel=2e-4)
     assert azimuth[farthest] % 180 == pytest.approx(np.rad2deg(3.1), abs=1e-4)
 
 
@@ -89,13 +105,11 @@ def test_measurements_are_drawn_by_their_kind(point_features: list[Feature]) -> 
         f["properties"]["kind"]: f["geometry"] for f in of_type(point_features, "measurement")
     }
 
-    assert shapes["distance"] == {
-        "type": "LineString",
-        "coordinates": [[-104.6, 50.1], [-104.5999, 50.1001]],
-    }
+    assert shapes["distance"]["type"] == "LineString"
+    assert shapes["distance"]["coordinates"] == [near(-104.6, 50.1), near(-104.5999, 50.1001)]
     assert shapes["area"]["type"] == "Polygon"
-    assert shapes["angle"]["coordinates"][1] == [-104.6003, 50.1002]
-    assert shapes["coordinate"] == {"type": "Point", "coordinates": [-104.6, 50.1]}
+    assert shapes["angle"]["coordinates"][1] == near(-104.6003, 50.1002)
+    assert shapes["coordinate"] == {"type": "Point", "coordinates": near(-104.6, 50.1)}
     assert shapes["skid_speed"] is None  # one of its points was never seen
 
 
@@ -174,14 +188,14 @@ def test_every_file_has_a_new_layer(tmp_path: Path) -> None:
     features = features_of(result, "EPSG:32632")
     features = replace(features, layers=(*features.layers, sights))
     write_geopackage(features, tmp_path / "a.gpkg", LOOKS)
-    write_kml(features, tmp_path / "a.kml")
+    write_kml(features, tmp_path / "a.kml", LOOKS)
     write_local_dxf(features, tmp_path / "a.dxf")
     write_qgis_project(features, LOOKS, tmp_path / "a.qgs", has_ground=False)
 
     file = sqlite3.connect(tmp_path / "a.gpkg")
     assert file.execute("SELECT label FROM sight_lines").fetchall() == [("P00",)]
     file.close()
-    assert "<name>Sight lines</name>" in (tmp_path / "a.kml").read_text(encoding="utf-8")
+    assert "<name>Lines of sight</name>" in (tmp_path / "a.kml").read_text(encoding="utf-8")
     assert "lines of sight" in (tmp_path / "a.qgs").read_text(encoding="utf-8")
     drawn = readfile(tmp_path / "a.dxf").modelspace().query('*[layer=="SIGHT_LINES"]')
     assert len(drawn) == 1

@@ -13,6 +13,7 @@ from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.limits import LONGEST_NAME
+from uavgram.model.options import OptionsError, TapeOptions
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
@@ -139,3 +140,22 @@ def test_the_page_takes_the_names_that_the_readers_take(length: int, tmp_path: P
     ]
     for message, read, table in pairs:
         assert page_takes(message) == reader_takes(read, path, table) == (length <= LONGEST_NAME)
+
+
+@pytest.mark.parametrize(("value", "words"), [(0.0, "greater than 0"), (1e7, "between 1e-06 and")])
+def test_project_file_table_and_page_refuse_a_sigma_in_the_same_words(
+    value: float, words: str, tmp_path: Path
+) -> None:
+    table = tmp_path / "lines.csv"
+    table.write_text(f"name,from,to,length_m,sigma_m\nL,A,B,2,{value}\n")
+    with pytest.raises(InputError) as in_table:
+        read_lines(table)
+    with pytest.raises(RefusedError) as on_page:
+        parse_message(json.dumps({"seq": 1} | LINE | {"sigma_m": value}), PHOTOS)
+    with pytest.raises(OptionsError) as in_project:
+        TapeOptions(reading_sigma_m=value)
+
+    assert words in on_page.value.args[0]
+    said = str(on_page.value.args[0]).removeprefix("sigma ")
+    assert said in in_table.value.message
+    assert said in str(in_project.value)

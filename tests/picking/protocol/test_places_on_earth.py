@@ -35,9 +35,14 @@ def test_only_what_is_asked_for_has_a_place_and_it_is_the_results(surveyed: Surv
     _, adjusted, index = surveyed
     points = adjusted.result.points
     k = points.label.index("R1")
-    found = adjusted_json(adjusted, index)["earth_deg"]
+    found = places_on_earth(adjusted, points.label, points.position_world_m)
     assert set(found) == {"R1"}
     assert found["R1"] == pytest.approx([points.latitude_deg[k], points.longitude_deg[k]], abs=1e-9)
+    told = adjusted_json(adjusted, index)["measurements"]
+    words = [told[f"C1 {axis}"]["earth"] for axis in ("north", "east")]
+    assert [word.split()[0] for word in words] == ["lat", "lon"]
+    degrees = [float(word.split()[1].removesuffix("°")) for word in words]
+    assert degrees == pytest.approx(found["R1"], abs=1e-5)  # a metre, as the log has it
 
 
 def test_the_place_follows_a_pick_that_moves(surveyed: Surveyed) -> None:
@@ -50,10 +55,16 @@ def test_the_place_follows_a_pick_that_moves(surveyed: Surveyed) -> None:
     assert quick is not None
     k = adjusted.adjustment.survey.label.index("R1")
     moved_m = (quick.world_m - adjusted.result.points.position_world_m)[k, :2]
+    points, survey = adjusted.result.points, quick.base.adjustment.survey
     (lat0, lon0), (lat1, lon1) = (
-        said["earth_deg"]["R1"]
-        for said in (adjusted_json(adjusted, index), linearised_json(quick, index))
+        places_on_earth(adjusted, label, place)["R1"]
+        for label, place in (
+            (points.label, points.position_world_m),
+            (survey.label, quick.world_m),
+        )
     )
+    words = linearised_json(quick, index)["measurements"]["C1 north"]["earth"]
+    assert float(words.split()[1].removesuffix("°")) == pytest.approx(lat1, abs=1e-5)
     azimuth, _, distance = Geod(ellps="WGS84").inv(lon0, lat0, lon1, lat1)
     north_m, east_m = distance * np.cos(np.deg2rad(azimuth)), distance * np.sin(np.deg2rad(azimuth))
     assert distance > 0.02

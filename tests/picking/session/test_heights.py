@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from uavgram.model.naming import METRIC
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.commands import SideView
 from uavgram.picking.protocol.encode_answers import side_json
 from uavgram.picking.protocol.encode_survey import Json, adjusted_json, linearised_json
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 from uavgram.pipeline.pick.side_view import make_side_view
+from uavgram.views.units import quantity
 
 FREE, ALONE = "R2", "alone"
 REQUESTS = (
@@ -48,13 +50,13 @@ def test_the_page_is_told_how_high_free_points_stand_and_whose_height_is_not_fou
 ) -> None:
     index = {name: k for k, name in enumerate(adjusted.result.frames.frame_id)}
     told: Json = adjusted_json(adjusted, index)
-    high = {label: point for label, point in told["points"].items() if "height_m" in point}
+    high = {label: point for label, point in told["points"].items() if "height" in point}
     assert list(high) == [FREE]  # of points on the ground nothing is said
-    sigma = high[FREE]["height_sigma_m"]
+    height, sigma = map(float, high[FREE]["height"](METRIC).removesuffix(" m").split(" ± "))
     assert 0.0 < sigma < 1.0
-    assert abs(high[FREE]["height_m"]) < 4 * sigma  # in truth it lies on the ground
-    value = told["measurements"]["height"]["value"]
-    assert high[FREE]["height_m"] == pytest.approx(value, abs=1e-6)
+    assert abs(height) < 4 * sigma  # in truth it lies on the ground
+    assert told["measurements"]["height"]["text"](METRIC) == high[FREE]["height"](METRIC)
+    assert "the ground, ± " in high[FREE]["sentence"](METRIC)
     (left_out,) = (m for m in told["messages"] if m["code"] == "pick-left-out")
     assert left_out["labels"] == [ALONE]
 
@@ -73,7 +75,11 @@ def test_heights_follow_a_drag_to_first_order(
     before = adjusted.result.points.height_above_ground_m[row]
     after = live.adjust(moved).result.points.height_above_ground_m[row]
     assert abs(after - before) > 1e-3
-    assert told["heights_m"] == {FREE: pytest.approx(after, abs=0.03 * abs(after - before))}
+    quick_m = quick.height_m[adjusted.adjustment.survey.label.index(FREE)]
+    assert quick_m == pytest.approx(after, abs=0.03 * abs(after - before))
+    assert set(told["heights"]) == {FREE}
+    sigma = float(adjusted.result.points.height_sigma_m[row])
+    assert told["heights"][FREE]["height"](METRIC) == quantity(float(quick_m), sigma, "m")
 
 
 def test_a_side_view_has_the_numbers_of_a_profile(adjusted: LiveAdjustment) -> None:

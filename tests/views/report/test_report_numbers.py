@@ -172,7 +172,8 @@ def test_dimensions_on_the_plans(both: Outputs) -> None:
     seen = 0
 
     for text in (text for drawing in both.drawn for text in drawing):
-        name, _, shown = text.rpartition(" ")[0].rpartition(" ")
+        name, _, value = text.partition(": ")
+        shown = value.partition(" ")[0]
         if name in measured and text not in labels:
             seen += 1
             agree([shown], pace_of(measured[name]) * measured[name]["value"])

@@ -5,18 +5,18 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pikepdf
 import pytest
 import synthetic_survey
-from matplotlib.artist import Artist
+from drawn_texts import plan_page
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.patches import Polygon
+from matplotlib.transforms import Bbox
 from numbers_told import agree
 from PIL import Image
 
@@ -26,12 +26,11 @@ from uavgram.model.maps import GroundRaster, Paper
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
-from uavgram.views.site_plan.drawing import clip_line, draw_grid, draw_survey
-from uavgram.views.site_plan.legend import draw_legend
 from uavgram.views.site_plan.pages import GroundPicture, PlanContent, PlanFiles, plan_pages
-from uavgram.views.site_plan.sheet import INK as BLACK
-from uavgram.views.site_plan.sheet import MM_OF_POINT, Sheet
 from uavgram.views.style import INK
+from uavgram.views.survey.drawing import BLACK
+from uavgram.views.survey.figure import MM_OF_POINT, draw_figure
+from uavgram.views.survey.top_view import clip_line
 
 TINY_MM = 0.1
 
@@ -57,11 +56,18 @@ def content(result: Result, paper: Paper = "a4", scale: int | None = None) -> Pl
     )
 
 
-def drawn_on(page: pikepdf.Page) -> tuple[dict[str, list[Floats]], Floats]:
-    """Strokes by colour, and middles of filled circles in the colour of points [mm]."""
-    found: dict[str, list[Floats]] = {}
-    marks: list[Floats] = []
-    path: list[tuple[float, float]] = []
+class Painted(NamedTuple):
+    """Parts of a path [mm], its colours, and whether it is stroked, or filled too, and round."""
+
+    parts: list[Floats]
+    stroke: str
+    fill: str
+    is_filled: bool
+    is_round: bool
+
+
+def painted_on(page: pikepdf.Page) -> Iterator[Painted]:
+    path: list[list[tuple[float, float]]] = []
     colours, stack, turn, is_round = {"RG": "", "rg": ""}, [], pikepdf.Matrix(), False
     for instruction in pikepdf.parse_content_stream(page):
         operands, name = instruction.operands, str(instruction.operator)
@@ -75,14 +81,27 @@ def drawn_on(page: pikepdf.Page) -> tuple[dict[str, list[Floats]], Floats]:
             colours["RG" if name.isupper() else "rg"] = colour_of(operands)
         elif name in ("m", "l", "c"):
             point = turn.transform((float(operands[-2]), float(operands[-1])))
-            path, is_round = ([point] if name == "m" else [*path, point]), name == "c"
-        elif name in ("S", "s", "n", "f", "B"):
-            drawn = MM_OF_POINT * np.array(path)
-            if name == "S" and path:  # lines off the page have lost their vertices
-                found.setdefault(colours["RG"], []).append(drawn)
-            elif name == "B" and is_round and colours["rg"] == INK["point"]:
-                marks.append((drawn.min(axis=0) + drawn.max(axis=0)) / 2)
+            path += [[]] if name == "m" else []
+            path[-1].append(point)
+            is_round = name == "c"
+        elif name == "h":
+            path[-1].append(path[-1][0])
+        elif name in ("S", "s", "n", "f", "B", "b"):
+            parts = [MM_OF_POINT * np.array(part) for part in path]
+            if name not in ("n", "f"):
+                yield Painted(parts, colours["RG"], colours["rg"], name in ("B", "b"), is_round)
             path = []
+
+
+def drawn_on(page: pikepdf.Page) -> tuple[dict[str, list[Floats]], Floats]:
+    """Strokes by colour, and middles of filled circles in the colour of points [mm]."""
+    found: dict[str, list[Floats]] = {}
+    marks: list[Floats] = []
+    for one in painted_on(page):
+        if not one.is_filled:
+            found.setdefault(one.stroke, []).extend(one.parts)
+        elif one.is_round and one.fill == INK["point"]:
+            marks += [(part.min(axis=0) + part.max(axis=0)) / 2 for part in one.parts]
     return found, np.array(marks).reshape(-1, 2)
 
 
@@ -157,7 +176,7 @@ def joined(pages: list[Page]) -> Floats:
         low, high = next(
             (line.min(axis=0), line.max(axis=0))
             for line in inked
-            if len(line) == 5 and np.ptp(line, axis=0).min() > 99
+            if len(line) > 4 and np.ptp(line, axis=0).min() > 99
         )
         cuts = [line for line in inked if len(line) == 2]
         right = [cut[0, 0] for cut in cuts if abs(np.ptp(cut[:, 1]) - (high - low)[1]) < 0.01]
@@ -240,32 +259,30 @@ def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
 def test_texts_beside_the_frame_are_clear_of_each_other_and_of_north(
     result: Result, paper: Paper, scale: int | None
 ) -> None:
-    wanted = content(result, paper, scale)
-    plan = wanted.plan
-    sheet = Sheet(plan, plan.sheets[-1])
-    draw_grid(sheet, result)
-    draw_legend(sheet, result, "overview of 100 sheets 1:5000", wanted.notes, "SHA-256 " * 9)
-    renderer = FigureCanvasAgg(sheet.figure).get_renderer()  # type: ignore[no-untyped-call]
-    arrow = [one for one in sheet.axes.patches if isinstance(one, Polygon)][:1]
-    drawn: list[Artist] = [*sheet.axes.texts, *arrow]
+    page = plan_page(result, paper, scale)
+    drawing, figure = page.drawing, draw_figure(page.drawing)
+    renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
+    px = figure.dpi / 25.4
+    north = [one for one in drawing.signs_over if one.name == "north"]
+    drawn = figure.axes[0].texts[: len(drawing.written)]
     boxes = [one.get_window_extent(renderer) for one in drawn]
-    px = sheet.figure.dpi / 25.4
+    for one in north:
+        (left, top), (right, bottom) = one.lines[0].min(axis=0), one.lines[0].max(axis=0)
+        low, high = drawing.height - bottom, drawing.height - top
+        boxes.append(Bbox(px * np.array([[left, low], [right, high]])))
 
-    for box, one in zip(boxes, drawn, strict=True):
-        assert box.x0 > 5 * px, one
-        assert box.x1 < (plan.paper_mm[0] - 5) * px, one
+    assert north
+    for box in boxes:
+        assert box.x0 > 5 * px
+        assert box.x1 < (drawing.width - 5) * px
     pairs = [(a, b) for k, a in enumerate(boxes) for b in boxes[:k] if a.overlaps(b)]
     assert pairs == []
 
 
 def texts_of(result: Result) -> list[str]:
     """All that stands on a plan of one sheet."""
-    wanted = content(result)
-    sheet = Sheet(wanted.plan, wanted.plan.sheets[0])
-    draw_survey(sheet, result)
-    draw_grid(sheet, result)
-    draw_legend(sheet, result, "one sheet", (), "")
-    return [one.get_text() for one in sheet.axes.texts]
+    drawing = plan_page(result).drawing
+    return [one.text for one in (*drawing.written, *drawing.texts)]
 
 
 def test_dimensions_are_those_of_the_results(result: Result, tmp_path: Path) -> None:
@@ -297,17 +314,17 @@ def test_a_plan_in_feet_says_nothing_in_metres(result: Result) -> None:
 
     assert [text for text in texts if metric.search(text)] == []
     assert any(metric.search(text) for text in texts_of(result))
-    (bar,) = [text for text in texts if text.endswith("in on paper")]
+    (bar,) = [text for text in texts if text.endswith("in on paper)")]
     (scale,) = [text for text in texts if "1 in is" in text]
-    (long,) = [text for text in texts if re.fullmatch(r"\d+ ft", text)]
+    long, _, inches = bar.partition(" ft (")
     per_inch = float(scale.partition("1 in is ")[2].split()[0])
-    assert float(bar.split()[0]) * per_inch == pytest.approx(float(long.split()[0]), rel=5e-3)
+    assert float(inches.split()[0]) * per_inch == pytest.approx(float(long), rel=5e-3)
 
 
 def test_a_line_is_cut_at_the_frame() -> None:
-    frame = (0.0, 0.0, 10.0, 5.0)
-    part = clip_line(np.array([-5.0, 2.0]), np.array([15.0, 2.0]), frame)
+    frame = np.zeros(2), np.array([10.0, 5.0])
+    part = clip_line(np.array([-5.0, 2.0]), np.array([15.0, 2.0]), *frame)
 
     assert part is not None
     assert np.array(part) == pytest.approx(np.array([[0.0, 2.0], [10.0, 2.0]]))
-    assert clip_line(np.array([-5.0, 6.0]), np.array([15.0, 6.0]), frame) is None
+    assert clip_line(np.array([-5.0, 6.0]), np.array([15.0, 6.0]), *frame) is None

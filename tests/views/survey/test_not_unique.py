@@ -12,7 +12,7 @@ from uavgram.views.formatting import order_computed_first
 from uavgram.views.recording.pages import measured_page
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.labels import measured_text, survey_labels
-from uavgram.views.report import render_annex
+from uavgram.views.report import render_annex, render_report
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.terminal import measurement_table
@@ -83,7 +83,9 @@ def test_the_recording_marks_it_in_its_table_and_on_its_label(sure: Result, mark
     assert [t for t in labels.words if t.startswith("NOT UNIQUE: ") and OTHERS in t]
 
 
-def test_the_drawing_of_the_report_doubts_it(sure: Result, marked: Result) -> None:
+def test_the_drawing_of_the_report_doubts_it() -> None:
+    sure = survey.build(clean=True)
+    marked = unsure(sure, NAME, (31.2, 44.9))
     doubted, trusted = top_view(marked), top_view(sure)
     assert doubted is not None
     assert trusted is not None
@@ -91,3 +93,5 @@ def test_the_drawing_of_the_report_doubts_it(sure: Result, marked: Result) -> No
 
     assert [text for text in said if text.startswith(NAME) and text.endswith(" ?")]
     assert not [text.text for text in trusted.drawing.texts if text.text.endswith(" ?")]
+    assert "a doubtful value" in render_report(marked)
+    assert "a doubtful value" not in render_report(sure)

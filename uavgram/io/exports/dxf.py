@@ -269,7 +269,7 @@ def _write(
     every = dict.fromkeys([*LAYERS.values(), *own])
     for name, colour in (*every, (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
-    for hidden in HIDDEN:
+    for hidden in LAYERS.keys() & HIDDEN:
         document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
     sheet = Sheet(document, document.modelspace(), place, texts.text_m, words)
     add_point_block(document, texts.text_m)

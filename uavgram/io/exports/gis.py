@@ -13,7 +13,7 @@ import sqlite3
 import struct
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from types import MappingProxyType
@@ -26,7 +26,7 @@ from pyproj.exceptions import CRSError
 
 from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import Attribute, Features, Layer, ShapeKind, transform_vertices
+from uavgram.model.maps import Attribute, Features, Layer, LayerStyle, ShapeKind
 
 _DASHES_MM = "3;2"
 _LABEL_PT = "8"
@@ -37,40 +37,6 @@ _PLACEMENT: dict[ShapeKind, str] = {"point": "0", "line": "2", "polygon": "4"}
 # QgsLabeling.LinePlacementFlag: above, below, map orientation; and the distance by which texts may
 # extend beyond the ends of lines: otherwise short or crowded lines have none
 _BESIDE_LINE, _BEYOND_MM = str(2 + 4 + 8), "40"
-
-
-@dataclass(frozen=True, kw_only=True)
-class LayerStyle:
-    """Style of a layer.
-
-    Attributes
-    ----------
-    title
-        Displayed name.
-    colour
-        ``#rrggbb``.
-    width_mm
-        Of lines and outlines; of a point, its size.
-    dashed
-        Whether lines are.
-    filled
-        Opacity inside polygons.
-    label
-        The column that is written beside each shape; empty: none.
-    shown
-        Whether it is visible at first.
-    by_status
-        Colours of shapes by their column ``status``; all others have `colour`.
-    """
-
-    title: str
-    colour: str
-    width_mm: float
-    dashed: bool = False
-    filled: float = 0.0
-    label: str = ""
-    shown: bool = True
-    by_status: dict[str, str] = field(default_factory=dict)
 
 
 def create_style(look: LayerStyle, kind: ShapeKind) -> Element:
@@ -574,8 +540,8 @@ def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
     """Return the vertices of each shape on the map."""
     origin, crs = features.origin, features.crs
     if origin is None or crs is None:
-        return layer.vertices_m
-    return transform_vertices(layer.vertices_m, lambda enu: projected_from_enu(enu, origin, crs))
+        return layer.placed(lambda enu: enu)
+    return layer.placed(lambda enu: projected_from_enu(enu, origin, crs))
 
 
 def _field(values: Attribute) -> list[str] | list[float]:
@@ -609,8 +575,6 @@ def _geometry(layer: Layer, vertices: Floats, bounds: list[float], srs_id: int) 
     """Encode one shape, little-endian: header, bounds, well-known binary; None without position."""
     if not len(vertices):
         return None
-    if layer.kind == "polygon":
-        vertices = np.concatenate([vertices, vertices[:1]])
     has_bounds = layer.kind != "point"
     head = struct.pack("<2sBBi", b"GP", 0, 1 | has_bounds << 1, srs_id)
     if has_bounds:

@@ -466,11 +466,7 @@ def read_pose_csv(
 
 
 def _check(table: Table, site: Origin | None) -> None:
-    for name in _SIGMAS:
-        table.require_sigma(name)
     table.require_unique("image", "photo")
-    table.require_range("latitude_deg", 90.0)
-    table.require_range("longitude_deg", 360.0)
     for together in (_ANGLES, _PLACE):
         given = np.stack([np.isfinite(table.numbers[name]) for name in together], axis=1)
         for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):

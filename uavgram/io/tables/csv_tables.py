@@ -16,7 +16,7 @@ import csv
 import io
 import itertools
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,20 +30,22 @@ from uavgram.model import limits
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.limits import (
     LARGEST_NUMBER,
-    LARGEST_SIGMA,
-    SMALLEST_SIGMA,
+    LONGEST_NAME,
     UNSHOWABLE,
+    choice_fault,
     find_unshowable,
     has_decimal_comma,
-    length_fault,
     name_fault,
+    range_of,
     replace_decimal_comma,
-    sigma_fault,
+    value_fault,
 )
 
 _LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
 _MAX_LINE_CHARACTERS = 100_000  # a cell may be as long for the csv module
+NAMES = {"name", "label", "tie", "from", "to", "tape"}
+"""Columns whose cells are names."""
 
 
 class Block(NamedTuple):
@@ -211,6 +213,8 @@ class Columns:
         Columns that may be absent, or have empty cells.
     words
         For columns of numbers: a word that is allowed instead.
+    choices
+        For columns of text: the words that a cell may have; it may be empty, too.
     others
         Whether users may keep columns of their own in the table, which are not read. A name close
         to that of a missing column is still a mistake.
@@ -221,6 +225,7 @@ class Columns:
     optional_text: tuple[str, ...] = ()
     optional_numbers: tuple[str, ...] = ()
     words: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     others: bool = False
 
     @property
@@ -276,34 +281,6 @@ class Table:
         """Raise one error that names every mistake found so far, if there is any."""
         if self.faults:
             raise InputError.of_all(self.path, self.faults)
-
-    def require_range(self, name: str, limit: float) -> None:
-        """Report every number of a column whose magnitude exceeds the limit."""
-        odd = np.abs(self.numbers[name]) > limit
-        self._add_number_faults(name, odd, lambda _: f"must lie between -{limit:g} and {limit:g}")
-
-    def require_length(self, name: str) -> None:
-        """Report every number of a column that is not a valid length (empty cells pass)."""
-        self._add_number_faults(name, np.isfinite(self.numbers[name]), length_fault)
-
-    def require_sigma(self, name: str) -> None:
-        """Report every number of a column that is not a valid sigma (empty cells pass)."""
-        values = self.numbers[name]
-        odd = (values < SMALLEST_SIGMA) | (values > LARGEST_SIGMA)
-        self._add_number_faults(name, odd, sigma_fault)
-
-    def _add_number_faults(self, name: str, rows: Bools, fault_of: Callable[[float], str]) -> None:
-        for row in np.flatnonzero(rows).tolist():
-            value = float(self.numbers[name][row])
-            if fault := fault_of(value):
-                self.add_fault(row, f"{name} {fault} (got {value:g})")
-
-    def require_short(self, *names: str) -> None:
-        """Report every name that is too long."""
-        for name in names:
-            for row, text in enumerate(self.text[name]):
-                if fault := name_fault(text):
-                    self.add_fault(row, f"{name} {fault} (it begins with {text[:32]!r})")
 
     def require_unique(self, name: str, what: str) -> None:
         """Report every text of a column that occurs in an earlier row too."""
@@ -407,6 +384,7 @@ class _Column:
         self.parts: list[Floats] = []
         self.has_word: list[bool] = []
         self._word = columns.words.get(name, "")
+        self._choices = columns.choices.get(name, ())
         self._known: dict[str, str] = {}  # each text once in memory
         self._is_comma = is_comma
         self._is_required = name in columns.required
@@ -425,6 +403,13 @@ class _Column:
         if not self._is_text:
             numbers, wrong = _numbers(self.name, cells, is_comma=self._is_comma)
             self.parts.append(numbers)
+            least, most = range_of(self.name)
+            odd = np.flatnonzero((numbers < least) | (numbers > most)).tolist()
+            values = [(row, float(numbers[row])) for row in odd]
+            faults += [
+                (row, f"{self.name} {value_fault(self.name, value)} (got {value:g})")
+                for row, value in values
+            ]
             return [*faults, *wrong]
         together = "".join(cells)
         if "'" in together:
@@ -434,6 +419,18 @@ class _Column:
                 (row, f"{self.name} holds {find_unshowable(cell)}: type it again")
                 for row, cell in enumerate(cells)
                 if UNSHOWABLE.search(cell)
+            ]
+        if self.name in NAMES and len(together) > LONGEST_NAME:
+            faults += [
+                (row, f"{self.name} {fault} (it begins with {cell[:32]!r})")
+                for row, cell in enumerate(cells)
+                if (fault := name_fault(cell))
+            ]
+        if self._choices:
+            faults += [
+                (row, f"{self.name} {fault}")
+                for row, cell in enumerate(cells)
+                if cell and (fault := choice_fault(cell, self._choices))
             ]
         self.texts += [self._known.setdefault(cell, cell) for cell in cells]
         return faults

@@ -23,14 +23,16 @@ from uavgram.model.observations import (
     MeasurementRequest,
 )
 
+_USES = ("adjust", "check")
+"""Words of the column `use`; the first one is the default of an empty cell."""
+
 LINES_COLUMNS = Columns(
     text=("name", "from", "to"),
     numbers=("length_m", "sigma_m"),
     optional_text=("use", "tape", "along", "note"),
+    choices={"use": _USES, "along": ("slope", "horizontal")},
     others=True,
 )
-_WORDS = {"use": ("adjust", "check"), "along": ("slope", "horizontal")}
-"""Allowed words of columns; the first one is the default of an empty cell."""
 
 
 def read_lines(path: str | Path) -> KnownLines:
@@ -44,18 +46,10 @@ def read_lines(path: str | Path) -> KnownLines:
         `along`.
     """
     table = read_table(path, LINES_COLUMNS)
-    table.require_length("length_m")
-    table.require_short("name", "from", "to", "tape")
-    table.require_sigma("sigma_m")
     table.require_unique("name", "line")
     for row, (start, end) in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
         if start and start == end:
             table.add_fault(row, f"goes from {start!r} to itself: 'to' must be another label")
-    for column, words in _WORDS.items():
-        for row, word in enumerate(table.text[column]):
-            if word and word not in words:
-                hint = f": {guess}" if (guess := near_miss(word, words)) else ""
-                table.add_fault(row, f"{column} must be {' or '.join(words)} (got {word!r}){hint}")
     table.raise_faults()
     return KnownLines(
         name=table.text["name"],
@@ -101,12 +95,7 @@ def read_known_points(path: str | Path) -> KnownPoints:
     sigmas = (_ONE_SIGMA, THREE_SIGMAS)[_chosen(table, _ONE_SIGMA, THREE_SIGMAS)]
     names = _COORDINATES[kind]
     _check_cells(table, (*names, *sigmas))
-    for name in sigmas:
-        table.require_sigma(name)
     table.require_unique("label", "label")
-    if kind == "geodetic":
-        table.require_range("latitude_deg", 90.0)
-        table.require_range("longitude_deg", 360.0)
     table.raise_faults()
     sigma_m = np.stack([table.numbers[name] for name in sigmas], axis=1)
     return KnownPoints(
@@ -146,9 +135,9 @@ KNOWN_COLUMNS = Columns(
     numbers=("sigma",),
     optional_text=("parameters", "use", "note"),
     optional_numbers=("value",),
+    choices={"use": _USES},
     others=True,
 )
-_USES = ("adjust", "check")
 
 
 _COUNTS = {name: kind.points for name, kind in KNOWN_KINDS.items()} | {
@@ -168,8 +157,6 @@ def read_known(path: str | Path) -> KnownThings:
     """
     table = read_table(path, KNOWN_COLUMNS)
     table.require_unique("name", "known thing")
-    table.require_short("name")
-    table.require_sigma("sigma")
     points, parameters = [], []
     for row, kind in enumerate(table.text["kind"]):
         if kind and kind not in KNOWN_KINDS:
@@ -181,10 +168,6 @@ def read_known(path: str | Path) -> KnownThings:
         points.append(_points(table, row, kind, parameters[-1]) if is_known else ())
         if is_known:
             _check_value(table, row, kind)
-    for row, word in enumerate(table.text["use"]):
-        if word and word not in _USES:
-            hint = f": {guess}" if (guess := near_miss(word, _USES)) else ""
-            table.add_fault(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
     table.raise_faults()
     return KnownThings(
         name=table.text["name"],
@@ -257,6 +240,7 @@ CONTROL_LINES_COLUMNS = Columns(
         *(f"{end}_{axis}" for axes in _AXES.values() for end in _ENDS for axis in axes),
         *_SIGMAS[1:],
     ),
+    choices={"use": _USES},
     others=True,
 )
 
@@ -280,20 +264,9 @@ def read_control_lines(path: str | Path) -> ControlLines:
     kind = _kind(table)
     names = [[f"{end}_{axis}" for axis in _AXES[kind]] for end in _ENDS]
     table.require_unique("name", "line")
-    table.require_short("name")
-    for name in _SIGMAS:
-        table.require_sigma(name)
-    if kind == "geodetic":
-        for end in _ENDS:
-            table.require_range(f"{end}_latitude_deg", 90.0)
-            table.require_range(f"{end}_longitude_deg", 360.0)
     ends = np.stack([np.stack([table.numbers[n] for n in of], axis=1) for of in names], axis=1)
     _check_ends(table, names, ends, kind)
     points = tuple(_line_points(table, row) for row in range(len(table.line)))
-    for row, word in enumerate(table.text["use"]):
-        if word and word not in _USES:
-            hint = f": {guess}" if (guess := near_miss(word, _USES)) else ""
-            table.add_fault(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
     table.raise_faults()
     # Defaults: the vertical sigma is the horizontal one, the straightness a constant.
     plan, up, own = (table.numbers[name] for name in _SIGMAS)

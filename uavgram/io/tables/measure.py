@@ -52,7 +52,6 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
     """
     table = read_table(path, MEASURE_COLUMNS)
     table.require_unique("name", "measurement")
-    table.require_short("name")
     requests = []
     for row, kind in enumerate(table.text["kind"]):
         if kind not in POINT_COUNTS:

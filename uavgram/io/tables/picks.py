@@ -47,9 +47,6 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
         table.faults.append(
             (1, "holds no pick: pick points with `uavgram pick`, or add a line each")
         )
-    table.require_sigma("sigma_px")
-    table.require_sigma("height_sigma_m")
-    table.require_short("label")
     _check_names(table)
     _check_doubles(table)
     _check_heights(table)
@@ -177,8 +174,6 @@ def read_ties(path: str | Path) -> TiePicks:
         tie point twice in one image or in one image only, an invalid sigma.
     """
     table = read_table(path, TIES_COLUMNS)
-    table.require_sigma("sigma_px")
-    table.require_short("tie")
     for row, image in enumerate(table.text["image"]):
         name = image.replace("\\", "/").split("/")[-1]
         if name != image:

@@ -21,6 +21,7 @@ from uavgram.model.survey import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.document.proposals import Outcomes, select_certain
 from uavgram.picking.protocol.encode_places import Json, number
+from uavgram.picking.protocol.encode_units import quantity_words, table_words
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import ExpectedPlace, project_ground
 from uavgram.pipeline.pick.side_view import make_side_view
@@ -122,6 +123,11 @@ def side_json(last: LiveAdjustment | None, asked: SideView) -> Json:
             | {
                 f"{column}_m": [number(place[k], _DIGITS), number(sigma[k], _DIGITS)]
                 for k, column in enumerate(COLUMNS)
+            }
+            | {
+                "station": table_words(float(place[0]), 2),
+                "height": quantity_words(float(place[2]), float(sigma[2] or np.nan), "m"),
+                "ground": table_words(float(place[3]), 2),
             }
             for label, place, sigma in rows
         ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import chain
 from pathlib import Path
 
@@ -14,8 +15,9 @@ from uavgram.model.camera import Calibration, CameraProvenance
 from uavgram.model.catalogue.cameras import CAMERA
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import Message
-from uavgram.picking.protocol.encode_places import Json, number, numbers
+from uavgram.picking.protocol.encode_places import Json, number
 from uavgram.picking.protocol.encode_survey import messages_json
+from uavgram.picking.protocol.encode_units import quantity_words, table_words
 from uavgram.picking.protocol.parse import PhotoSize
 from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.measure.inputs import Inputs
@@ -91,8 +93,8 @@ def _seeds(posed: PosedFrames | None) -> dict[str, Json]:
         name: {
             "east_m": number(poses.center_world_m[k, 0], 2),
             "north_m": number(poses.center_world_m[k, 1], 2),
-            "up_m": number(poses.center_world_m[k, 2], 2),
-            "sigma_m": numbers(sigma[k, :3], 3),
+            "up": quantity_words(float(poses.center_world_m[k, 2]), math.nan, "m"),
+            "sigma": table_words(float(sigma[k, :3].max()), 2),
             "turn_sigma_deg": number(np.degrees(np.linalg.norm(sigma[k, 3:])), 2),
         }
         for k, name in enumerate(poses.frame_id)
@@ -121,7 +123,9 @@ def clock_json(survey: LiveSurvey) -> Json | None:
         return None
     unused = () if posed.pairing is None else posed.pairing.unused_reason
     return {
-        "offset_s": number(posed.frames.clock_offset_s),
+        "text": quantity_words(
+            float(posed.frames.clock_offset_s), float(posed.frames.clock_offset_sigma_s), "s"
+        ),
         "sigma_s": number(posed.frames.clock_offset_sigma_s),
         "log": Path(survey.inputs.log.path).name,
         "events": 0 if posed.pairing is None else len(posed.pairing.event_index) + len(unused),

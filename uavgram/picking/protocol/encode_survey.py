@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
+from uavgram.model.naming import Units
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.result import Result
 from uavgram.picking.document.state import Pick, State
@@ -25,15 +29,21 @@ from uavgram.picking.protocol.encode_statuses import (
     encode_photo_statuses,
     encode_point_statuses,
 )
+from uavgram.picking.protocol.encode_units import quantity_words, table_words
 from uavgram.picking.protocol.encode_verdict import encode_measurement_statuses, verdict_json
 from uavgram.pipeline.pick.live_survey import LinearUpdate, LiveAdjustment
 from uavgram.stages.messages import order_messages
-from uavgram.views.formatting import KNOWN_STATUS_WORDS
+from uavgram.views.formatting import KNOWN_STATUS_WORDS, alternatives_text
 from uavgram.views.survey.verdict import list_named_picks
+from uavgram.views.units import INCH_M, spread_text, value_text
 
 Json = dict[str, Any]
 
 _PIXEL_DIGITS = 4
+METRES_OF_A_DEGREE = 111_320.0
+"""Length of a degree of a great circle."""
+TAG_M = 0.1
+"""Sigma to which the height beside a label is rounded, at least."""
 
 
 def state_json(state: State, index: Mapping[str, int]) -> Json:
@@ -104,7 +114,6 @@ def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> Json:
             "unseen": describe_undetectable(result),
         },
         "points": _points(adjusted),
-        "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),
         "predicted": places_json(
             adjusted.predicted.frame_id,
@@ -136,20 +145,80 @@ def linearised_json(quick: LinearUpdate, index: Mapping[str, int]) -> Json:
     base = quick.base.result
     survey = quick.base.adjustment.survey
     picks = zip(survey.pick_frame, survey.pick_label, quick.residual_px, strict=True)
+    places = places_on_earth(quick.base, survey.label, quick.world_m)
+    points, row = base.points, {label: k for k, label in enumerate(survey.label)}
     return {
         "mode": "linearised",
         "residuals_px": [
             [index[survey.frame_id[f]], survey.label[k], *numbers(residual, _PIXEL_DIGITS)]
             for f, k, residual in picks
         ],
-        "lengths_m": dict(zip(base.lines.name, numbers(quick.length_m), strict=True)),
-        "values": dict(zip(base.measurements.name, numbers(quick.value), strict=True)),
-        "heights_m": {
-            survey.label[k]: number(quick.height_m[k])
-            for k in np.flatnonzero(base.points.is_off_ground)
+        "lines": _length_words(base, quick.length_m),
+        "measurements": _value_words(base, quick.value, places),
+        "heights": {
+            points.label[k]: _height_words(
+                float(quick.height_m[row[points.label[k]]]), float(points.height_sigma_m[k])
+            )
+            for k in np.flatnonzero(points.is_off_ground)
         },
-        "earth_deg": places_on_earth(quick.base, survey.label, quick.world_m),
     }
+
+
+def _length_words(result: Result, length_m: Floats) -> dict[str, Json]:
+    """Return the adjusted length of each line, in a table and beside it."""
+    lines = result.lines
+    return {
+        name: {
+            "adjusted": table_words(float(length_m[i]), 3),
+            "text": quantity_words(float(length_m[i]), float(lines.adjusted_sigma_m[i]), "m"),
+        }
+        for i, name in enumerate(lines.name)
+    }
+
+
+def _value_words(
+    result: Result, value: Floats, places: Mapping[str, Sequence[float]]
+) -> dict[str, Json]:
+    """Return each measured value with its sigma, and latitude or longitude of a coordinate."""
+    rows, words = result.measurements, {}
+    for i, name in enumerate(rows.name):
+        one, sigma = float(value[i]), float(rows.sigma[i])
+        words[name] = {"text": quantity_words(one, sigma, rows.unit[i]), "grade": "", "earth": ""}
+        if rows.kind[i] == "slope" and np.isfinite(one):  # as on a road sign
+            angle, spread = np.deg2rad([one, sigma])
+            grade, sigma = 100.0 * np.tan(angle), 100.0 * spread / np.cos(angle) ** 2
+            words[name]["grade"] = quantity_words(float(grade), float(sigma), "%")
+        if rows.kind[i] == "coordinate" and rows.points[i][0] in places:
+            latitude, longitude = places[rows.points[i][0]]
+            is_east = name.endswith(" east")
+            axis, degrees = ("lon", longitude) if is_east else ("lat", latitude)
+            words[name]["earth"] = f"{axis} {degrees:.{_degree_places(sigma)}f}\u00b0"
+    return words
+
+
+def _degree_places(sigma_m: float) -> int:
+    """Return the decimals of a degree that a sigma on the ground justifies."""
+    if not sigma_m > 0:
+        return 7
+    return min(max(1 - math.floor(math.log10(sigma_m / METRES_OF_A_DEGREE)), 4), 8)
+
+
+def _height_words(height_m: float, sigma_m: float) -> Json:
+    """Return the height of a point off the ground: in a table, in a sentence, beside its label."""
+    if not math.isfinite(height_m):
+        return {}
+    away, is_below = abs(height_m), height_m < 0
+    side = f"{'below' if is_below else 'above'} the ground"
+
+    def sentence(units: Units) -> str:
+        spread = f", \u00b1 {spread_text(sigma_m, 'm', units)}" if sigma_m > 0 else ""
+        return f"{value_text(away, sigma_m, 'm', units)} {side}{spread}"
+
+    def tag(units: Units) -> str:
+        arrow = "\u2193" if is_below else "\u2191"
+        return arrow + value_text(away, max(sigma_m, TAG_M), "m", units)
+
+    return {"height": quantity_words(height_m, sigma_m, "m"), "sentence": sentence, "tag": tag}
 
 
 def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
@@ -164,18 +233,26 @@ def _points(adjusted: LiveAdjustment) -> Json:
     found: Json = {
         label: {
             "sigma_m": numbers(sigma[k]),
-            "neighbour_sigma_m": number(points.neighbour_sigma_m[k]),
+            "sigma": partial(_small_words, float(points.neighbour_sigma_m[k])),
             "neighbours": list(points.neighbours[k]),
             **standings[label],
         }
         for k, label in enumerate(points.label)
     }
     for k in np.flatnonzero(points.is_off_ground):
-        found[points.label[k]] |= {
-            "height_m": number(points.height_above_ground_m[k]),
-            "height_sigma_m": number(points.height_sigma_m[k]),
-        }
+        found[points.label[k]] |= _height_words(
+            float(points.height_above_ground_m[k]), float(points.height_sigma_m[k])
+        )
     return found
+
+
+def _small_words(sigma_m: float, units: Units) -> str:
+    """Return a sigma in millimetres or inches, as in a column that has this in its head."""
+    if not math.isfinite(sigma_m):
+        return ""
+    if units.length != "m":
+        return f"{sigma_m / INCH_M:.2f}"
+    return f"{1000.0 * sigma_m:.{1 if sigma_m < 0.01 else 0}f}"
 
 
 def _picks(adjusted: LiveAdjustment, index: Mapping[str, int]) -> list[Json]:
@@ -208,8 +285,8 @@ def _frames(result: Result, index: Mapping[str, int]) -> Json:
     return {
         str(index[name]): {
             "status": frames.status[k],
-            "sigma_m": numbers(sigma[k, :3], 3),
-            "moved_m": number(moved[k], 3),
+            "sigma": table_words(float(sigma[k, :3].max()), 2),
+            "moved": quantity_words(float(moved[k]), math.nan, "m"),
             "standing": standings[k],
         }
         for k, name in enumerate(frames.frame_id)
@@ -221,15 +298,17 @@ def _clock(result: Result) -> Json | None:
     offset = result.shared.clock_offset_s
     if offset is None:
         return None
-    return {"offset_s": number(offset.value[0]), "sigma_s": number(offset.sigma[0])}
+    return {"text": quantity_words(float(offset.value[0]), float(offset.sigma[0]), "s")}
 
 
 def _lines(adjusted: LiveAdjustment) -> Json:
     lines, standings = adjusted.result.lines, encode_length_statuses(adjusted.result)
+    words = _length_words(adjusted.result, lines.adjusted_m)
     return {
         name: {
+            **words[name],
             "adjusted_m": number(lines.adjusted_m[i]),
-            "sigma_m": number(lines.adjusted_sigma_m[i]),
+            "sigma": table_words(float(lines.adjusted_sigma_m[i]), 3),
             "w": number(lines.w[i], 3),
             **standings[i],
         }
@@ -242,12 +321,15 @@ def _measurements(adjusted: LiveAdjustment) -> Json:
     found, standings = result.measurements, encode_measurement_statuses(result)
     evidence = result.evidence
     shows = describe_unchecked(found, None if evidence is None else evidence.weakest)
+    places = places_on_earth(adjusted, result.points.label, result.points.position_world_m)
+    words = _value_words(result, found.value, places)
     return {
         name: {
+            **words[name],
             "value": number(found.value[i]),
             "sigma": number(found.sigma[i]),
             "unit": found.unit[i],
-            "alternatives": numbers(found.alternative_values[i]),
+            "others": partial(alternatives_text, found, i),
             **standings[i],
             "shows": shows[i],
         }
@@ -260,8 +342,13 @@ def _checks(adjusted: LiveAdjustment) -> list[Json]:
     return [
         {
             "label": label,
-            "error_m": numbers(points.error_m[i]),
-            "sigma_m": numbers(points.sigma_m[i]),
+            "errors": [table_words(one, 3) for one in points.error_m[i].tolist()],
+            "quantities": [
+                quantity_words(error, sigma, "m")
+                for error, sigma in zip(
+                    points.error_m[i].tolist(), points.sigma_m[i].tolist(), strict=True
+                )
+            ],
         }
         for i, label in enumerate(points.label)
     ]
@@ -272,7 +359,7 @@ def _control_lines(result: Result) -> Json:
     lines = result.control_lines
     return {
         name: {
-            "offset_m": number(lines.offset_m[i]),
+            "offset": table_words(float(lines.offset_m[i]), 3),
             "w": number(lines.w[i], 1),
             "status": KNOWN_STATUS_WORDS[lines.status[i]],
             "fits": lines.status[i] not in ("suspect", "removed"),
@@ -285,10 +372,16 @@ def _advice(adjusted: LiveAdjustment) -> Json | None:
     advice, label = adjusted.advice, adjusted.adjustment.survey.label
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
         return None
-    return {
-        "start": label[advice.start],
-        "end": label[advice.end],
-        "length_m": number(advice.length_m, 2),
-        "relative_sigma": number(advice.relative_sigma),
-        "relative_sigma_after": number(advice.relative_sigma_after),
-    }
+    start, end = label[advice.start], label[advice.end]
+    before, after = (
+        f"{100 * part:.2g} %" for part in (advice.relative_sigma, advice.relative_sigma_after)
+    )
+
+    def words(units: Units) -> str:
+        about = value_text(float(advice.length_m), math.nan, "m", units)
+        return (
+            f"Tape {start} \u2013 {end} (about {about}) next: distances between the points would "
+            f"be known to {after} instead of {before}. "
+        )
+
+    return {"start": start, "end": end, "text": words}

@@ -1,23 +1,55 @@
-"""Sentences in messages to the page, converted to the project's units.
+"""Numbers and sentences in messages to the page, in the project's units.
 
-Numbers are sent in metres: the page converts them itself.
+A function in a message is the text of a number: `convert_units` calls it with the units. The page
+gets numbers in metres beside it where it draws them or where people edit them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
 from uavgram.model.naming import Units
 from uavgram.picking.document.state import State
 from uavgram.views.sentence_units import convert_sentence, select_like_lengths, sorted_magnitudes
+from uavgram.views.units import format_fixed, quantity, table_unit, value_text
 
 SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
 """Keys of sentences for people."""
 
 _WITHOUT = frozenset({"state", "diff", "picks", "predicted", "expected", "found", "asked"})
 """Keys below which there are no sentences, but much other data."""
+
+
+Words = Callable[[Units], str]
+"""Text of a number in some units."""
+
+
+def quantity_words(value: float, sigma: float, unit: str) -> Words:
+    """Return the text of a value with its sigma; alone without one, empty without a value.
+
+    Parameters
+    ----------
+    value, sigma
+        NaN where there is none.
+    unit
+        Unit of both, as in results.json.
+    """
+    if not math.isfinite(value):
+        return lambda _: ""
+    return partial(quantity if math.isfinite(sigma) else value_text, value, sigma, unit)
+
+
+def table_words(value_m: float, places: int) -> Words:
+    """Return the text of a length in a column that has its unit in the head; empty for NaN."""
+
+    def words(units: Units) -> str:
+        known = math.isfinite(value_m)
+        return format_fixed(value_m * table_unit(units).factor, places) if known else ""
+
+    return words
 
 
 def list_kept_names(state: State) -> tuple[str, ...]:
@@ -71,6 +103,8 @@ def convert_units(
     inner = partial(convert_units, units=units, keep=keep)
 
     def value_of(key: str, value: Any) -> Any:  # noqa: ANN401 (JSON)
+        if callable(value):
+            return value(units)
         if isinstance(value, str):
             return worded(value) if key in SENTENCES else value
         if key in _WITHOUT or not isinstance(value, dict | list):
@@ -79,6 +113,8 @@ def convert_units(
             return [worded(one) for one in value]
         return inner(value, exact=exact)
 
+    if callable(message):
+        return message(units)
     if isinstance(message, list):
         return [inner(one, exact=exact) for one in message]
     if not isinstance(message, dict):

@@ -23,11 +23,10 @@ from uavgram.io.tables.measure import (
 from uavgram.model.camera import LensModel
 from uavgram.model.limits import (
     LONGEST_NAME,
+    choice_fault,
     find_unshowable,
-    length_fault,
     name_fault,
-    number_fault,
-    sigma_fault,
+    value_fault,
 )
 from uavgram.model.observations import Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
@@ -187,7 +186,7 @@ class _Fields:
         for one in known:
             if one == value:
                 return one
-        _refuse(f"{name} must be one of {', '.join(known)}")
+        _refuse(f"{name} {choice_fault(value, known)}")
 
     def flag(self, name: str, *, default: bool | None = None) -> bool:
         value = default if default is not None and name not in self._data else self._take(name)
@@ -203,12 +202,13 @@ class _Fields:
             _refuse(f"{name} is out of range")
         return value
 
-    def number(self, name: str, fault_of: Callable[[float], str] = number_fault) -> float:
-        """Take a number that a table may hold, checked with the faults of the table readers."""
+    def number(self, name: str, fault_of: Callable[[float], str] | None = None) -> float:
+        """Take a number that a field of this name may have in a table, or by a rule of its own."""
         value = self._take(name)
         if not isinstance(value, int | float) or isinstance(value, bool):
             _refuse(f"{_UNIT.sub('', name)} must be a number")
-        if fault := number_fault(value) or fault_of(value):  # a whole number may have any size
+        fault = value_fault("" if fault_of else name, value)  # a whole number may have any size
+        if fault := fault or (fault_of(value) if fault_of else ""):
             _refuse(f"{_UNIT.sub('', name)} {fault}")
         return float(value)
 
@@ -218,7 +218,7 @@ class _Fields:
             _refuse(f"{_UNIT.sub('', name)} must lie between {least:g} and {most:g}")
         return value
 
-    def optional(self, name: str, fault_of: Callable[[float], str] = number_fault) -> float | None:
+    def optional(self, name: str, fault_of: Callable[[float], str] | None = None) -> float | None:
         if self._data.get(name) is None:
             self._data.pop(name, None)
             return None
@@ -334,13 +334,13 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "end": lambda f: f.label("end"),
     "was": lambda f: f.text("was", empty=True),
     "name": lambda f: f.text("name"),
-    "sigma_px": lambda f: f.optional("sigma_px", sigma_fault),
+    "sigma_px": lambda f: f.optional("sigma_px"),
     "height_m": lambda f: f.optional("height_m"),
-    "height_sigma_m": lambda f: f.optional("height_sigma_m", sigma_fault),
+    "height_sigma_m": lambda f: f.optional("height_sigma_m"),
     "is_taken_back": lambda f: f.flag("is_taken_back", default=False),
     "is_free": lambda f: f.flag("is_free", default=False),
-    "length_m": lambda f: f.number("length_m", length_fault),
-    "sigma_m": lambda f: f.number("sigma_m", sigma_fault),
+    "length_m": lambda f: f.number("length_m"),
+    "sigma_m": lambda f: f.number("sigma_m"),
     "adjust": lambda f: f.flag("adjust", default=True),
     "tape": lambda f: f.optional_text("tape"),
     "along": lambda f: f.choice("along", get_args(Along)) if f.has("along") else None,

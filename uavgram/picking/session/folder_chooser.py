@@ -17,7 +17,7 @@ from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.io.files import check_inside
 from uavgram.io.folders import Browsable, ListedFolder, count_photos, find_home_and_drives
-from uavgram.model.limits import LONGEST_NAME, find_unshowable, sigma_fault
+from uavgram.model.limits import LONGEST_NAME, find_unshowable, value_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
 from uavgram.picking.document.errors import RefusedError
@@ -312,7 +312,7 @@ def _pitch(said: object) -> float | Auto:
 
 def _sigma(said: object, what: str) -> float:
     value = _number(said, what)
-    if fault := sigma_fault(value):
+    if fault := value_fault("sigma", value):
         raise RefusedError(f"{what} {fault}")
     return value
 

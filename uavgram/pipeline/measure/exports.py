@@ -13,7 +13,7 @@ from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
 from uavgram.io.exports.dxf_sheets import NumberFormat
 from uavgram.io.exports.geotiff import add_opacity, write_turned_picture
-from uavgram.io.exports.gis import GROUND, LayerStyle, write_geopackage, write_qgis_project
+from uavgram.io.exports.gis import GROUND, write_geopackage, write_qgis_project
 from uavgram.io.exports.measurements_csv import write_measurements_csv, write_profiles_csv
 from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list, write_geo_txt
 from uavgram.io.exports.web_maps import write_geojson, write_kml
@@ -24,43 +24,10 @@ from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
 from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
-from uavgram.views.style import INK, REFINED, hex_colour
+from uavgram.views.map_styles import LOOKS
 from uavgram.views.units import quantity, table_unit, units_of
 
 Writers = dict[str, Callable[[Path], None]]
-
-
-LOOKS = {
-    "points": LayerStyle(title="points", colour=INK["point"], width_mm=1.6, label="label"),
-    "verticals": LayerStyle(title="heights over the ground", colour=INK["above"], width_mm=0.4),
-    "measured_lines": LayerStyle(
-        title="measured", colour=INK["measured"], width_mm=0.5, label="text"
-    ),
-    "measured_areas": LayerStyle(
-        title="measured areas", colour=INK["measured"], width_mm=0.5, filled=0.15, label="text"
-    ),
-    "known_lengths": LayerStyle(
-        title="known lengths", colour=INK["used"], width_mm=0.5, dashed=True, label="text",
-        by_status={status: INK[status] for status in ("suspect", "removed", "checked", "unseen")},
-    ),
-    "control_lines": LayerStyle(
-        title="lines of known position", colour=INK["position"], width_mm=0.35, label="name",
-        by_status={status: INK[status] for status in ("suspect", "removed", "checked", "unseen")},
-    ),
-    "ellipses_95_within_survey": LayerStyle(
-        title="95 % ellipses within the survey", colour=INK["ellipse"], width_mm=0.3
-    ),
-    "ellipses_95": LayerStyle(
-        title="95 % ellipses on the earth", colour=INK["ellipse"], width_mm=0.2, shown=False
-    ),
-    "camera_poses": LayerStyle(
-        title="photos", colour=hex_colour(REFINED), width_mm=2.0, label="frame", shown=False
-    ),
-    "footprints": LayerStyle(
-        title="what photos show", colour=hex_colour(REFINED), width_mm=0.2, shown=False
-    ),
-}  # fmt: skip
-"""Style of each layer on maps, as in the report's plan; the first is on top."""
 
 
 def make_writers(result: Result, texture: GroundTexture | None = None) -> Writers:
@@ -83,7 +50,7 @@ def make_writers(result: Result, texture: GroundTexture | None = None) -> Writer
         "points.geojson": lambda path: write_geojson(result, path),
         "measurements.csv": lambda path: write_measurements_csv(result, path),
         "survey.gpkg": lambda path: write_geopackage(features, path, LOOKS, words.value),
-        "survey.kml": lambda path: write_kml(features, path),
+        "survey.kml": lambda path: write_kml(features, path, LOOKS),
         "survey_local.dxf": lambda path: write_local_dxf(features, path, words, texts()),
         "colmap": lambda path: write_colmap_model(result, path),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Poses
-from uavgram.model.maps import Features, Layer, ProfileSheet
+from uavgram.model.maps import Features, Layer, ProfileSheet, ShapeKind
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PlanarUncertainty, PointResults, ProfileResults
 from uavgram.stages.products.columns import (
@@ -239,7 +240,29 @@ def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Feature
         height_datum=world.height_datum,
         crs=crs if world.origin is not None else None,
         profiles=profile_sheets(result.profiles, unit_m),
+        ellipsoid_shift_m=world.ellipsoid_shift_m,
     )
+
+
+def located_layers(result: Result) -> tuple[Layer, ...]:
+    """Return points, their ellipses, and a layer without attributes for each measurement."""
+    points, strips, rows = result.points, _strips(result), point_index(result)
+    layers = [
+        replace(_points(result), name="point"),
+        _ellipses("ellipse_95", points, points),
+    ]
+    measured = result.measurements
+    for i, (kind, labels) in enumerate(zip(measured.kind, measured.outlines, strict=True)):
+        shape_kind: ShapeKind = "line"
+        vertices = strips[i][0] if strips.get(i) else np.empty((0, 3))
+        if len(labels) == 1 and labels[0] in rows:
+            shape_kind, vertices = "point", points.position_world_m[[rows[labels[0]]]]
+        elif kind in ENCLOSED and len(vertices):
+            shape_kind, vertices = "polygon", counterclockwise(vertices[:-1])
+        layers.append(
+            Layer(name="measurement", kind=shape_kind, vertices_m=(vertices,), attributes={})
+        )
+    return tuple(layers)
 
 
 def point_index(result: Result) -> dict[str, int]:
@@ -266,10 +289,16 @@ def position_strips(result: Result) -> list[Floats]:
 
 def measured_strips(result: Result) -> dict[int, list[Floats]]:
     """Return polylines (n, 3) of each computed measurement, by its row; coordinates have none."""
+    value = result.measurements.value
+    return {i: strips for i, strips in _strips(result).items() if np.isfinite(value[i])}
+
+
+def _strips(result: Result) -> dict[int, list[Floats]]:
+    """Return polylines (n, 3) of each measurement all of whose points have a place, by its row."""
     rows, strips = point_index(result), {}
     measured = result.measurements
     for i, (kind, labels) in enumerate(zip(measured.kind, measured.outlines, strict=True)):
-        if np.isfinite(measured.value[i]) and all(label in rows for label in labels):
+        if all(label in rows for label in labels):
             at = [rows[label] for label in labels]
             corners = result.points.position_world_m[at]
             if kind == "height" and len(at) == 1:  # from the ground below

@@ -26,6 +26,9 @@ _SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
 _FIRST = (16, 80)
 """Numbers of places that are tried first: most texts have room at once."""
 
+_CLOSE = 1
+"""Number of heights of a text from its line up to which it is rotated, if it may be level too."""
+
 _ROOM = 64
 """Initial capacity for places."""
 
@@ -44,8 +47,9 @@ _MOVED_GAP = 0.375
 height."""
 
 
-Where = Literal["beside", "along", "at"]
-"""Level, beside a point or on a line; rotated, beside a line; or at one fixed place."""
+Where = Literal["beside", "along", "near", "at"]
+"""Level, beside a point or on a line; rotated, beside a line; rotated where there is room close to
+the line, else level; or at one fixed place."""
 
 
 class Label(NamedTuple):
@@ -228,6 +232,10 @@ def _place(
             on_line = label.start + np.array(_SHARES)[:, None] * way
             on_line = np.column_stack([on_line, np.broadcast_to([*half, 0.0], (len(on_line), 3))])
             candidates = np.concatenate([on_line, candidates])
+        if length > 0 and label.where == "near":
+            close = _along(label.start, way / length, length, half, gap, rounds[:_CLOSE])
+            beside = close.reshape(-1, len(_SHARES) + 2, 5)[:, : len(_SHARES)]
+            candidates = np.concatenate([beside.reshape(-1, 5), candidates])
     # Move level places into the picture, and drop others outside it.
     if bounds is not None:
         candidates = _within_bounds(candidates, bounds, label.where)
@@ -244,9 +252,12 @@ def _within_bounds(candidates: Floats, bounds: tuple[Floats, Floats], where: Whe
     width, height = candidates[:, 2], candidates[:, 3]
     reach = np.column_stack([cos * width + sin * height, sin * width + cos * height])
     low, high = bounds[0] + reach, bounds[1] - reach
-    if where == "beside":
-        candidates[:, :2] = np.clip(candidates[:, :2], low, np.maximum(low, high))
-        return candidates
+    if where in ("beside", "near"):
+        level = candidates[:, 4] == 0.0
+        moved = np.clip(candidates[:, :2], low, np.maximum(low, high))
+        candidates[level, :2] = moved[level]
+        low[level] = -np.inf
+        high[level] = np.inf
     inside = (candidates[:, :2] >= low).all(axis=1) & (candidates[:, :2] <= high).all(axis=1)
     return np.asarray(candidates[inside])
 

@@ -55,6 +55,7 @@ from uavgram.synthetic.scenario_file import format_scenario, read_scenario_docum
 from uavgram.views.field_sheet import NAME as SHEET
 from uavgram.views.field_sheet import field_sheet, field_sheet_pdf
 from uavgram.views.flight_plan_recording import write_plan_recording
+from uavgram.views.map_styles import LOOKS
 from uavgram.views.pages_pdf import weasyprint_for
 
 GROSS_ERROR_M = 0.3
@@ -460,7 +461,7 @@ def write_outputs(
         if made.pdf is not None:
             replace_bytes(hidden / f"{SHEET}.pdf", field_sheet_pdf(sheet, made.pdf))
         write_layers_geojson(layers, hidden / "plan.geojson")
-        write_kml(layers, hidden / "plan.kml")
+        write_kml(layers, hidden / "plan.kml", LOOKS)
         if make_no_site_message().code not in {message.code for message in planned.messages}:
             if made.autopilot == "ardupilot":
                 replace_text(hidden / "mission.waypoints", waypoints_text(mission))

@@ -57,7 +57,7 @@ PAGE_MM, UNIT_MM = 243.0, 182.0 / WIDTH
 MIN_PLAN, GOOD_PLAN, MAX_PLAN = 220.0, 330.0, 640.0
 """Limits of the plan's height, in its units; for a good one, rows of the table are left out."""
 
-HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.3, 4.8, 2.0
+HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 20.0, 6.3, 4.8, 2.0
 """Heights of title and legend, table row and line of text, and gap around a paragraph."""
 
 LINE, STRONG_LINE, TITLE = 96, 76, 20

@@ -5,25 +5,33 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.patches import Polygon, Rectangle
 
-from uavgram.model.maps import Plan
+from uavgram.model.arrays import Floats
+from uavgram.model.maps import Plan, PlanSheet
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.views.sentence_units import convert_sentence, list_names_like_lengths
-from uavgram.views.site_plan.drawing import DASHES, DIAMOND_MM, DOUBT_MARK, LINE_PT, is_doubtful
-from uavgram.views.site_plan.sheet import INK as BLACK
-from uavgram.views.site_plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain, width_mm
 from uavgram.views.style import INK
+from uavgram.views.survey.drawing import BLACK, PAPER, Drawing, Look, Sign
 from uavgram.views.survey.key_facts import accuracy_words
+from uavgram.views.survey.sheet import Sheet
+from uavgram.views.survey.text_placement import ASIDE, LETTERS, Letters, half_size
+from uavgram.views.survey.top_view import (
+    BOLD,
+    DIAMOND,
+    DOUBT_MARK,
+    FINE,
+    is_doubtful,
+    known_look,
+)
 from uavgram.views.survey.verdict import summarise_result
-from uavgram.views.units import round_bar, table_unit, units_of
+from uavgram.views.units import table_unit, units_of
 
-NOTE_PT, MIN_NOTE_PT = 7.0, 4.5
-"""Limits of the font size of the notes, which is as large as the room allows."""
+MIN_NOTE = 0.64
+"""Least size of the notes' letters, as a share of the usual; they are as large as there is room."""
 
-_LINE_MM, _GAP = 0.43, 0.35
-"""Line spacing [mm] per point of font size, and gap between paragraphs as a share of that."""
+_LINE_MM, _GAP = 3.0, 0.35
+"""Distance of lines [mm] of the usual size, and gap between paragraphs as a share of that."""
 
 LEANS = (
     "Picture: the photos, projected onto the plane of the ground. Objects above the ground "
@@ -39,10 +47,10 @@ JOIN = (
 
 
 class Note(NamedTuple):
-    """Lines of each paragraph with font size [pt] and distances [mm]."""
+    """Lines of each paragraph with relative size of the letters and distances [mm]."""
 
     paragraphs: tuple[tuple[str, ...], ...]
-    size_pt: float
+    size: float
     line_mm: float
     gap_mm: float
 
@@ -52,14 +60,14 @@ class Note(NamedTuple):
         return sum(len(lines) * self.line_mm + self.gap_mm for lines in self.paragraphs)
 
 
-def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
+def plan_notes(result: Result, page: PlanPage) -> tuple[str, ...]:
     """List the notes of every plan, the verdict first.
 
     Parameters
     ----------
     result
         Result shown by the plan.
-    sheet
+    page
         One of its sheets, with all its content.
     """
     case = "; ".join(
@@ -74,7 +82,7 @@ def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
             f"{DOUBT_MARK.strip()} after a value: it is doubtful. The report gives the reason."
         )
     told.append(ACTUAL_SIZE)
-    if len(sheet.plan.sheets) > 1:
+    if len(page.plan.sheets) > 1:
         told.append(JOIN)
     return tuple(filter(None, told))
 
@@ -100,55 +108,92 @@ def fit_notes(told: tuple[str, ...], size_mm: tuple[float, float]) -> Note:
     size_mm
         Width and height available.
     """
-    for size_pt in np.arange(NOTE_PT, MIN_NOTE_PT, -0.25).tolist():
-        note = _set(told, size_mm[0], size_pt)
+    for size in np.arange(1.0, MIN_NOTE, -0.03).tolist():
+        note = _set(told, size_mm[0], size)
         if note.height_mm <= size_mm[1]:
             return note
-    return _set(told, size_mm[0], MIN_NOTE_PT)
+    return _set(told, size_mm[0], MIN_NOTE)
 
 
-def _set(told: tuple[str, ...], across_mm: float, size_pt: float) -> Note:
-    paragraphs = tuple(_lines(text, across_mm / size_pt) for text in told)
-    line = _LINE_MM * size_pt
-    return Note(paragraphs, size_pt, line, _GAP * line)
+def _set(told: tuple[str, ...], across_mm: float, size: float) -> Note:
+    paragraphs = tuple(_lines(text, across_mm / size) for text in told)
+    return Note(paragraphs, size, _LINE_MM * size, _GAP * _LINE_MM * size)
 
 
-def _lines(text: str, across: float) -> tuple[str, ...]:
-    """Break a text into lines for a font size of one point."""
-    space = width_mm("a a", 1.0) - 2 * width_mm("a", 1.0)
-    lines: list[list[str]] = []
-    room = 0.0
+def _lines(text: str, across_mm: float) -> tuple[str, ...]:
+    """Break a text into lines for letters of the usual size."""
+    lines: list[str] = []
     for word in text.split():
-        need = space + width_mm(word, 1.0)
-        if not lines or need > room:
-            lines.append([])
-            room = across + space
-        lines[-1].append(word)
-        room -= need
-    return tuple(" ".join(line) for line in lines)
+        longer = f"{lines[-1]} {word}" if lines else word
+        width = 2 * (half_size(longer, PLAN_LETTERS["note"])[0] - ASIDE) * UNIT_MM
+        if lines and width <= across_mm:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return tuple(lines)
 
 
-TITLE_PT, TEXT_PT, FOOT_PT, NUMBER_PT = 11.0, 6.0, 5.0, 11.0
-BAR_MM, NORTH_MM = 50.0, 59.0
-"""Largest length of the scale bar, and place of the north arrow right of it."""
-
-SIGNS_MM, NOTES_MM = 66.0, 113.0
+SIGNS_MM, NOTES_MM = 62.0, 113.0
 """Left edges of the columns below a frame, from the frame's left."""
 
-BELOW_TITLE_MM = 22.0
+BELOW_TITLE_MM = 12.0
 INCH_MM = 25.4
 INDEX_MM = 21.0
 FOOT_MM = 6.5
+UNIT_MM = 0.225
+"""Millimetres of one unit of the drawing: letters of 11 have 7 points."""
+
+PLAN_LETTERS = LETTERS | {
+    "title": Letters(17.0, is_bold=True),
+    "subtitle": Letters(11.0),
+    "sign": Letters(9.5),
+    "note": Letters(11.0),
+    "foot": Letters(7.8, colour="#5b6470"),
+    "sheet": Letters(11.0, colour="#5b6470"),
+    "number": Letters(17.0),
+}
+
+
+class PlanPage:
+    """Paper with a frame that shows the ground.
+
+    Attributes
+    ----------
+    plan, one
+        The sheet's position on the ground.
+    drawing
+        The drawing in millimetres of paper.
+    sheet
+        Mapping from the world to it.
+    """
+
+    def __init__(self, plan: Plan, one: PlanSheet) -> None:
+        """Make an empty sheet."""
+        (left, bottom, across, up), (width, height) = plan.frame_mm, plan.paper_mm
+        low = np.array([left, height - bottom - up])
+        self.plan, self.one = plan, one
+        self.drawing = Drawing(
+            "Plan to scale", width, height, unit=UNIT_MM, letters=PLAN_LETTERS,
+            frame=(low, low + np.array([across, up])),
+        )  # fmt: skip
+        scale = 1000.0 / plan.scale
+        corner = np.array([one.west_m, one.north_m]) - low / scale * [1.0, -1.0]
+        self.sheet = Sheet(float(corner[0]), float(corner[1]), scale, width, height, 0.0)
+
+    def in_world(self, drawn_mm: Floats) -> Floats:
+        """Convert (..., 2) millimetres on paper to places in the world."""
+        corner = np.array([self.sheet.west_m, self.sheet.north_m])
+        return np.asarray(corner + drawn_mm / self.sheet.scale * [1.0, -1.0])
 
 
 def draw_legend(
-    sheet: Sheet, result: Result, title: str, notes: tuple[str, ...], foot: str
+    page: PlanPage, result: Result, title: str, notes: tuple[str, ...], foot: str
 ) -> None:
     """Fill the paper below the frame, or beside it on a landscape sheet.
 
     Parameters
     ----------
-    sheet
+    page
         The sheet.
     result
         Result shown by the plan.
@@ -159,154 +204,85 @@ def draw_legend(
     foot
         One line at the very bottom.
     """
-    left, bottom, across, up = sheet.plan.frame_mm
-    told = (*plan_notes(result, sheet), *notes)
-    if sheet.plan.paper_mm[0] < sheet.plan.paper_mm[1]:
-        top = bottom - 3.0
-        _title(sheet, result, title, left, top)
-        _index(sheet, left, top - BELOW_TITLE_MM)
-        _signs(sheet, result, left + SIGNS_MM, top - 1.5)
-        size = across - NOTES_MM, top - 1.5 - FOOT_MM - 2.0
-        _paragraphs(sheet, told, (left + NOTES_MM, top - 1.5), size)
+    drawing = page.drawing
+    (left, top), (right, bottom) = drawing.low, drawing.high
+    told = (*plan_notes(result, page), *notes)
+    if drawing.width < drawing.height:
+        _title(page, result, title, left, bottom + 6.0)
+        _index(page, left, bottom + 6.0 + BELOW_TITLE_MM)
+        _signs(drawing, result, left + SIGNS_MM, bottom + 5.0)
+        corner, low = (left + NOTES_MM, bottom + 5.0), drawing.height - FOOT_MM - 2.0
+        _paragraphs(drawing, told, corner, (right - corner[0], low - corner[1]))
     else:
-        left, top = left + across + 5.0, bottom + up
-        right = sheet.plan.paper_mm[0] - sheet.plan.frame_mm[0]
-        _title(sheet, result, title, left, top)
-        below = _index(sheet, left, top - BELOW_TITLE_MM - 2.0)
-        below = _signs(sheet, result, left, below)
-        _paragraphs(sheet, told, (left, below - 2.0), (right - left, below - 2.0 - bottom))
-    _write(sheet, sheet.plan.frame_mm[0], FOOT_MM, foot, FOOT_PT, colour=QUIET)
+        x = right + 5.0
+        _title(page, result, title, x, top + 4.0)
+        below = _index(page, x, top + 4.0 + BELOW_TITLE_MM)
+        below = _signs(drawing, result, x, below + 2.0) + 2.0
+        _paragraphs(drawing, told, (x, below), (drawing.width - left - x, bottom - below))
+    drawing.write((left, drawing.height - FOOT_MM), foot, "foot", side=-1)
 
 
-def _title(sheet: Sheet, result: Result, title: str, left: float, top: float) -> None:
-    _write(sheet, left, top - 2.5, result.name, TITLE_PT, weight="bold")
-    scale = f"1:{sheet.plan.scale}"
+def _title(page: PlanPage, result: Result, title: str, left: float, top: float) -> None:
+    page.drawing.write((left, top), result.name, "title", side=-1)
+    scale = f"1:{page.plan.scale}"
     if units_of(result).length != "m":
-        scale += f" (1 in is {sheet.plan.scale / 12:g} ft)"
-    _write(sheet, left, top - 8.0, f"Plan {scale}, {title}", 7.0)
-    _scale_bar(sheet, result, left, top - 14.0)
-    _north(sheet, left + NORTH_MM, top - 15.0)
+        scale += f" (1 in is {page.plan.scale / 12:g} ft)"
+    page.drawing.write((left, top + 6.0), f"Plan {scale}, {title}", "subtitle", side=-1)
 
 
-def _write(
-    sheet: Sheet, x: float, y: float, text: str, size_pt: float, *, colour: str = BLACK,
-    weight: str = "normal", align: str = "left",
-) -> None:  # fmt: skip
-    sheet.axes.text(
-        x, y, plain(text), fontsize=size_pt, color=colour, weight=weight, ha=align, va="center"
-    )
-
-
-def _scale_bar(sheet: Sheet, result: Result, left: float, y: float) -> None:
-    """Draw the scale bar, with its length on the ground and on paper."""
-    bar_m, words = round_bar(BAR_MM * sheet.plan.scale / 1000.0, units_of(result))
-    long = bar_m * 1000.0 / sheet.plan.scale
-    for k in range(5):
-        face = BLACK if k % 2 == 0 else PAPER
-        sheet.axes.add_patch(
-            Rectangle(
-                (left + k * long / 5, y - 0.9),
-                long / 5,
-                1.8,
-                facecolor=face,
-                edgecolor=BLACK,
-                linewidth=THIN_PT,
-            )
-        )
-    metric = units_of(result).length == "m"
-    paper = f"{long:.1f} mm on paper" if metric else f"{long / INCH_MM:.2f} in on paper"
-    _write(sheet, left, y - 3.2, "0", TEXT_PT)
-    _write(sheet, left + long, y - 3.2, words, TEXT_PT, align="center")
-    _write(sheet, left + long / 2, y - 3.2, paper, FOOT_PT, align="center")
-
-
-def _north(sheet: Sheet, x: float, y: float) -> None:
-    shape = np.array([[0.0, 5.0], [2.0, -3.0], [0.0, -1.4], [-2.0, -3.0]]) + np.array([x, y])
-    sheet.axes.add_patch(Polygon(shape, closed=True, facecolor=BLACK, linewidth=0))
-    _write(sheet, x, y + 6.6, "N", 7.0, align="center")
-
-
-def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
+def _signs(drawing: Drawing, result: Result, x: float, y: float) -> float:
     """Draw the signs that occur in the survey; return the lower end of the list."""
-    rows: list[tuple[str, tuple[float, ...], str]] = [
-        (INK["measured"], (), "measured ± standard deviation")
-    ]
     words = {
         "used": "known length, used",
-        "checked": "known length, kept for checking",
+        "checked": "known length, withheld as a check",
         "suspect": "known length that does not fit",
         "removed": "known length that does not fit",
         "unseen": "known length, not seen",
     }
-    kinds = dict.fromkeys(words[status] for status in result.lines.status)
-    inks = {words[status]: INK[status] for status in result.lines.status}
-    rows += [(inks[kind], DASHES, kind) for kind in kinds]
+    rows = {"measured ± standard deviation": Look(INK["measured"], BOLD)}
+    for status in result.lines.status:
+        rows.setdefault(words[status], known_look(status, INK[status], BOLD))
     if result.control_lines.name:
-        rows.append((INK["position"], DASHES, "line of known position"))
-    for k, (ink, dashes, text) in enumerate(rows):
-        at = y - k * 4.0
-        (line,) = sheet.axes.plot([x, x + 7.0], [at, at], color=ink, linewidth=LINE_PT)
-        if dashes:
-            line.set_dashes(dashes)
-        _write(sheet, x + 8.5, at, text, TEXT_PT)
-    at = y - len(rows) * 4.0
-    sheet.axes.plot(x + 3.5, at, "o", markersize=2.2, color=INK["point"])
-    _write(sheet, x + 8.5, at, "point", TEXT_PT)
+        rows["line of known position"] = known_look("used", INK["position"], FINE)
+    for text, look in rows.items():
+        drawing.lines("samples", [np.array([[x, y - 1.0], [x + 7.0, y - 1.0]])], look)
+        drawing.write((x + 8.5, y), text, "sign", side=-1)
+        y += 4.0
+    marks: list[tuple[str, Sign, float, Look]] = [("point", "ring", 2.2, Look(fill=INK["point"]))]
     if result.points.is_off_ground.any():
-        at -= 4.0
-        corners = DIAMOND_MM * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
-        shape = corners + np.array([x + 3.5, at])
-        sheet.axes.add_patch(
-            Polygon(shape, closed=True, fill=False, edgecolor=INK["above"], linewidth=LINE_PT)
-        )
-        _write(sheet, x + 8.5, at, "off the ground, and how high", TEXT_PT)
-    return at - 3.0
+        text, look = "off the ground, and how high", Look(INK["point"], 1.1)
+        marks.append((text, "diamond", DIAMOND, look))
+    for text, sign, radius, look in marks:
+        drawing.signs("samples", np.array([[x + 3.5, y - 1.0]]), radius, look, sign=sign)
+        drawing.write((x + 8.5, y), text, "sign", side=-1)
+        y += 4.0
+    return y
 
 
 def _paragraphs(
-    sheet: Sheet, told: tuple[str, ...], corner: tuple[float, float], size: tuple[float, float]
+    drawing: Drawing, told: tuple[str, ...], corner: tuple[float, float], size: tuple[float, float]
 ) -> None:
     """Write paragraphs below each other from an upper left corner on, in a width and height."""
     note = fit_notes(told, size)
     x, y = corner
     for lines in note.paragraphs:
         for line in lines:
-            _write(sheet, x, y, line, note.size_pt)
-            y -= note.line_mm
-        y -= note.gap_mm
+            drawing.write((x, y), line, "note", side=-1, size=note.size)
+            y += note.line_mm
+        y += note.gap_mm
 
 
-def _index(sheet: Sheet, x: float, y: float) -> float:
+def _index(page: PlanPage, x: float, y: float) -> float:
     """Draw a small index of all sheets, this one filled, if there are several; return its end."""
-    plan = sheet.plan
+    plan, drawing = page.plan, page.drawing
     if len(plan.sheets) == 1:
         return y
     side = min(INDEX_MM / plan.columns, INDEX_MM / plan.rows)
+    square = side * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     for one in plan.sheets:
-        face = "#c9d3df" if one.number == sheet.sheet.number else PAPER
-        corner = x + one.column * side, y - (one.row + 1) * side
-        sheet.axes.add_patch(
-            Rectangle(corner, side, side, facecolor=face, edgecolor=BLACK, linewidth=THIN_PT)
-        )
-        middle = corner[0] + side / 2, corner[1] + side / 2
-        _write(sheet, *middle, str(one.number), min(6.0, 1.6 * side), align="center")
-    return y - plan.rows * side - 4.0
-
-
-def outline_sheets(sheet: Sheet, tiled: Plan) -> None:
-    """Outline the sheets of the tiled plan on an overview, with their numbers."""
-    left, bottom, _, up = sheet.plan.frame_mm
-    for one in tiled.sheets:
-        west, south = one.west_m, one.south_m
-        corners = np.array(
-            [
-                [west, south], [one.east_m, south], [one.east_m, one.north_m],
-                [west, one.north_m], [west, south],
-            ]
-        )  # fmt: skip
-        drawn = sheet.on_paper(corners)
-        sheet.line(drawn, PAPER, 6 * THIN_PT)
-        sheet.line(drawn, BLACK, 2 * THIN_PT)
-        corner = np.maximum(drawn[3], [left, -np.inf])
-        corner = np.minimum(corner, [np.inf, bottom + up])
-        sheet.name(str(one.number), BLACK, NUMBER_PT, corner[None] + [4.0, -4.0], "at")
+        corner = np.array([x + one.column * side, y + one.row * side])
+        fill = "#c9d3df" if one.number == page.one.number else PAPER
+        drawing.lines("index", [corner + square], Look(BLACK, 0.6, fill=fill), closed=True)
+        middle = corner + side * np.array([0.5, 0.65])
+        drawing.write(middle, str(one.number), "sign", size=min(1.0, 0.25 * side))
+    return y + plan.rows * side + 4.0

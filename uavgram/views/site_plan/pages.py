@@ -7,22 +7,33 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import Name, PdfFile, PdfPages
-from matplotlib.patches import Rectangle
+from matplotlib.figure import Figure
 from PIL import Image
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster, Plan, PlanSheet
 from uavgram.model.result.result import Result
-from uavgram.views.site_plan.drawing import draw_grid, draw_survey
-from uavgram.views.site_plan.legend import draw_legend, outline_sheets
-from uavgram.views.site_plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet
+from uavgram.views.site_plan.legend import INCH_MM, PlanPage, draw_legend
+from uavgram.views.survey.drawing import BLACK, PAPER, Drawing, Look
+from uavgram.views.survey.figure import draw_figure
+from uavgram.views.survey.sheet import draw_frame
+from uavgram.views.survey.text_placement import TextRequest
+from uavgram.views.survey.top_view import draw_survey, survey_texts
+from uavgram.views.units import units_of
+
+EDGE, FARTHEST = 1.3, 12.0
+"""Width of the frame's line; largest distance of texts from their objects, in their heights."""
+
+GRID_STEP = 230.0
+"""Largest distance of the grid's lines, in units of the letters: 50 mm."""
 
 QUALITY = 88
 """Quality for libjpeg at which no difference is visible on paper."""
@@ -147,122 +158,149 @@ def plan_pages(content: PlanContent) -> PlanFiles:
     pdf = io.BytesIO()
     metadata = {"Title": f"{content.result.name}: plan", "CreationDate": made, "ModDate": made}
     with rc_context(_FONTS), JpegPages(pdf, metadata=metadata) as pages:
-        sheets = _sheets(content)
-        first = next(sheets)
-        first.figure.savefig(pages, format="pdf")
-        png, rgba, corners = _pictures(first)
-        for page in sheets:
-            page.figure.savefig(pages, format="pdf")
+        png, rgba, corners = b"", np.zeros((1, 1, 4), np.uint8), np.zeros((3, 2))
+        for number, page in enumerate(_sheets(content)):
+            figure = draw_figure(page.drawing)
+            figure.savefig(pages, format="pdf")
+            if number == 0:
+                png, rgba, corners = _pictures(page, figure)
     return PlanFiles(pdf=pdf.getvalue(), png=png, map_rgba=rgba, map_corners_m=corners)
 
 
-def _pictures(page: Sheet) -> tuple[bytes, Pixels, Floats]:
+def _pictures(page: PlanPage, figure: Figure) -> tuple[bytes, Pixels, Floats]:
     """Convert a sheet to PNG; also return the pixels within its frame and their world corners."""
-    FigureCanvasAgg(page.figure)
+    FigureCanvasAgg(figure)
     stored = io.BytesIO()
-    page.figure.savefig(stored, format="png", dpi=PNG_DPI, metadata={"Software": "uavgram"})
+    figure.savefig(stored, format="png", dpi=PNG_DPI, metadata={"Software": "uavgram"})
     drawn = np.asarray(Image.open(stored).convert("RGBA"))
     px_of_mm = PNG_DPI / 25.4
-    left, bottom, across, up = page.plan.frame_mm
-    low = np.ceil(np.array([left, bottom]) * px_of_mm).astype(int)
-    high = np.floor(np.array([left + across, bottom + up]) * px_of_mm).astype(int)
-    height = len(drawn)
-    inside = np.ascontiguousarray(drawn[height - high[1] : height - low[1], low[0] : high[0]])
-    corners = np.array([[low[0], high[1]], [high[0], high[1]], [low[0], low[1]]]) / px_of_mm
-    # the canvas has whole pixels, the paper need not have
-    corners[:, 1] += page.plan.paper_mm[1] - height / px_of_mm
+    first = np.ceil(page.drawing.low * px_of_mm).astype(int)
+    last = np.floor(page.drawing.high * px_of_mm).astype(int)
+    inside = np.ascontiguousarray(drawn[first[1] : last[1], first[0] : last[0]])
+    corners = np.array([first, [last[0], first[1]], [first[0], last[1]]]) / px_of_mm
     return stored.getvalue(), inside, page.in_world(corners)
 
 
-def _sheets(content: PlanContent) -> Iterator[Sheet]:
+def _sheets(content: PlanContent) -> Iterator[PlanPage]:
     """Yield the overview, then each sheet of a plan that has several."""
     plan, overview = content.plan, content.overview
-    is_tiled = len(plan.sheets) > 1
-    first = _draw(content, overview, overview.sheets[0])
-    title = "one sheet"
-    if is_tiled:
-        outline_sheets(first, plan)
-        title = f"overview of {len(plan.sheets)} sheets 1:{plan.scale}"
-    yield _finish(content, first, title)
-    if is_tiled:
-        for one in plan.sheets:
-            sheet = _draw(content, plan, one)
-            _seams(sheet)
-            yield _finish(content, sheet, f"sheet {one.number} of {len(plan.sheets)}")
+    count = len(plan.sheets)
+    if count == 1:
+        yield draw_sheet(content, overview, overview.sheets[0], "one sheet")
+        return
+    title = f"overview of {count} sheets 1:{plan.scale}"
+    yield draw_sheet(content, overview, overview.sheets[0], title, plan)
+    for one in plan.sheets:
+        yield draw_sheet(content, plan, one, f"sheet {one.number} of {count}")
 
 
-def _draw(content: PlanContent, plan: Plan, one: PlanSheet) -> Sheet:
-    sheet = Sheet(plan, one)
+def draw_sheet(
+    content: PlanContent, plan: Plan, one: PlanSheet, title: str, outlined: Plan | None = None
+) -> PlanPage:
+    """Draw one sheet with its legend.
+
+    Parameters
+    ----------
+    content
+        The content to draw.
+    plan, one
+        The sheet.
+    title
+        Its title, below the name.
+    outlined
+        Plan of several sheets whose outlines are drawn on this one.
+    """
+    result, page = content.result, PlanPage(plan, one)
+    drawing, units = page.drawing, units_of(result)
     picture = content.pictures(plan, one)
     if picture is not None:
-        _show(sheet, picture)
-    return sheet
-
-
-def _finish(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
-    result = content.result
-    draw_survey(sheet, result)
-    draw_grid(sheet, result)
-    left, bottom, across, up = sheet.plan.frame_mm
-    edge = Rectangle((left, bottom), across, up, fill=False, edgecolor=INK, linewidth=0.8, zorder=9)
-    sheet.axes.add_patch(edge)
+        _show(page, picture)
+    longest_m = float(drawing.high[0] - drawing.low[0]) / page.sheet.scale / 4
+    draw_frame(
+        drawing, page.sheet, longest_m, units, is_north_known=result.world.gauge == "world",
+        on_picture=True, bar_note=partial(_on_paper, is_metric=units.length == "m"),
+        most_step=GRID_STEP,
+    )  # fmt: skip
+    draw_survey(drawing, page.sheet, result, None, on_picture=True)
+    marks = _outline_sheets(page, outlined) if outlined else _seams(page)
+    drawing.lines("edge", [drawing.border], Look(BLACK, EDGE), closed=True)
+    texts = survey_texts(drawing, page.sheet, result, None, is_full=True)
+    drawing.place([*marks, *texts], reach=FARTHEST, least=1.0)
     notes = content.notes
-    if sheet.left_out:
+    if drawing.missing:
         notes += (
-            f"Texts for which there was no room: {sheet.left_out}. A larger scale (--plan-scale) "
+            f"Texts for which there was no room: {drawing.missing}. A larger scale (--plan-scale) "
             "has more of them, and the report has all.",
         )
     foot = (
         f"uavgram {result.provenance.version}, {result.provenance.created_utc}; "
         f"results.json SHA-256 {content.digest}"
     )
-    draw_legend(sheet, result, title, notes, foot)
-    return sheet
+    draw_legend(page, result, title, notes, foot)
+    return page
 
 
-def _show(sheet: Sheet, picture: GroundPicture) -> None:
+def _on_paper(length_mm: float, *, is_metric: bool) -> str:
+    """Describe the length of the scale bar, with which the printed scale can be checked."""
+    words = f"{length_mm:.1f} mm" if is_metric else f"{length_mm / INCH_MM:.2f} in"
+    return f" ({words} on paper)"
+
+
+def _show(page: PlanPage, picture: GroundPicture) -> None:
     """Put the picture under the drawing; areas without photos are white."""
     raster = picture.raster
     opacity = picture.rgba[..., 3:].astype(np.uint16)
     rgb = (picture.rgba[..., :3] * opacity + 255 * (255 - opacity)) // 255
-    size = np.array([raster.width, -raster.height]) * raster.pixel_m
-    corners = np.array([raster.west_m, raster.north_m]) + np.array([[0.0, 0.0], size])
-    (left, top), (right, bottom) = sheet.on_paper(corners)
-    image = sheet.axes.imshow(
-        rgb.astype(np.uint8), extent=(left, right, bottom, top), aspect="auto",
-        interpolation="none", zorder=1,
-    )  # fmt: skip
-    image.set_clip_path(sheet.frame)
+    size = np.array([raster.width, raster.height]) * raster.pixel_m * page.sheet.scale
+    corner = page.sheet(np.array([raster.west_m, raster.north_m]))
+    page.drawing.image(corner, size, rgb.astype(np.uint8))
 
 
-def _seams(sheet: Sheet) -> None:
-    """Draw the cut lines, right and below, and the number of the next sheet in shared strips."""
-    plan, one = sheet.plan, sheet.sheet
-    left, bottom, across, up = plan.frame_mm
-    right, top, strip = left + across, bottom + up, plan.overlap_mm
+def _seams(page: PlanPage) -> list[TextRequest]:
+    """Draw the cut lines, right and below; return the names of the next sheets in shared strips."""
+    plan, one, drawing, strip = page.plan, page.one, page.drawing, page.plan.overlap_mm
+    (left, top), (right, bottom) = drawing.low, drawing.high
+    names = []
     for other in plan.sheets:
         beside = other.column - one.column, other.row - one.row
         if beside == (1, 0):
-            _cut(sheet, np.array([[right - strip, bottom], [right - strip, top]]))
+            _cut(drawing, np.array([[right - strip, top], [right - strip, bottom]]))
         elif beside == (0, 1):
-            _cut(sheet, np.array([[left, bottom + strip], [right, bottom + strip]]))
+            _cut(drawing, np.array([[left, bottom - strip], [right, bottom - strip]]))
         middle = {
-            (1, 0): (right - strip / 2, bottom + up / 2),
-            (-1, 0): (left + strip / 2, bottom + up / 2),
-            (0, 1): (left + across / 2, bottom + strip / 2),
-            (0, -1): (left + across / 2, top - strip / 2),
+            (1, 0): (right - strip / 2, (top + bottom) / 2),
+            (-1, 0): (left + strip / 2, (top + bottom) / 2),
+            (0, 1): ((left + right) / 2, bottom - strip / 2),
+            (0, -1): ((left + right) / 2, top + strip / 2),
         }.get(beside)
         if middle is not None:
-            turn = math.pi / 2 if beside[0] else 0.0
-            sheet.name(f"sheet {other.number}", QUIET, 7.0, np.array([middle]), "at", turn=turn)
+            turn = -math.pi / 2 if beside[0] else 0.0
+            spot = np.array([middle])
+            name = f"sheet {other.number}"
+            names.append(TextRequest(name, "sheet", spot, where="at", turn=turn, rank=-1))
+    return names
 
 
-def _cut(sheet: Sheet, drawn: Floats) -> None:
+def _cut(drawing: Drawing, line: Floats) -> None:
     """Draw a line to cut along, with marks outside the frame; texts keep clear of it."""
-    sheet.reserve(drawn.mean(axis=0), np.maximum(np.ptp(drawn, axis=0) / 2, 0.3))
-    sheet.line(drawn, PAPER, 6 * THIN_PT)
-    sheet.line(drawn, INK, 2 * THIN_PT, (6.0, 3.0))
-    way = (drawn[1] - drawn[0]) / np.linalg.norm(drawn[1] - drawn[0])
-    for end, outwards in ((drawn[0], -way), (drawn[1], way)):
-        mark = end + outwards * np.array([[0.3], [1.5]])
-        sheet.axes.plot(*mark.T, color=INK, linewidth=2 * THIN_PT)
+    drawing.reserve(np.array([*line.mean(axis=0), *np.maximum(np.ptp(line, axis=0) / 2, 0.3), 0]))
+    drawing.lines("cuts", [line], Look(PAPER, 3.0), Look(BLACK, 1.0, dashes="6 3"))
+    way = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+    marks = [
+        end + out * way * np.array([[0.3], [1.5]]) for end, out in ((line[0], -1), (line[1], 1))
+    ]
+    drawing.lines("marks", marks, Look(BLACK, 1.0))
+
+
+def _outline_sheets(page: PlanPage, tiled: Plan) -> list[TextRequest]:
+    """Outline the sheets of the tiled plan on an overview; return their numbers."""
+    numbers, drawing = [], page.drawing
+    for one in tiled.sheets:
+        corners = np.array([[one.west_m, one.north_m], [one.east_m, one.south_m]])
+        (left, top), (right, bottom) = page.sheet(corners)
+        ring = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+        looks = Look(PAPER, 3.0), Look(BLACK, 1.0)
+        drawing.lines("sheets", [ring], *looks, closed=True, clip=drawing.border)
+        spot = np.clip(ring[:1], drawing.low, drawing.high) + 4.0
+        numbers.append(TextRequest(str(one.number), "number", spot, where="at", rank=-1))
+    return numbers

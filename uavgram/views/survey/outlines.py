@@ -125,17 +125,12 @@ def largest_sigmas(poses: PoseTable) -> tuple[Floats, Floats]:
     return sigma[:, :3].max(axis=1), np.degrees(sigma[:, 3:].max(axis=1))
 
 
-def longest_part(strips: list[Floats]) -> Floats:
-    """Return the (2, D) ends of the longest segment of (n, D) polylines, to place a label there."""
+def longest_middle(strips: list[Floats]) -> Floats:
+    """Return the (D,) middle of the longest segment of (n, D) polylines."""
     starts = np.concatenate([strip[:-1] for strip in strips])
     ends = np.concatenate([strip[1:] for strip in strips])
     longest = int(np.argmax(np.linalg.norm(ends - starts, axis=1)))
-    return np.stack([starts[longest], ends[longest]])
-
-
-def longest_middle(strips: list[Floats]) -> Floats:
-    """Return the (D,) middle of the longest segment of (n, D) polylines."""
-    return np.asarray(longest_part(strips).mean(axis=0), dtype=np.float64)
+    return np.asarray((starts[longest] + ends[longest]) / 2, dtype=np.float64)
 
 
 def is_in_photo(result: Result, pixel: Floats) -> Bools:

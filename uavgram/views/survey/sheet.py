@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from uavgram.views.units import round_bar, table_unit
 
 WIDTH = 720.0
 """Width of every drawing, in its own units; letters are 11 of them high: 8 points on paper."""
-MARGIN, MARGIN_SHARE = 60.0, 0.12
+MARGIN, MARGIN_SHARE = 60.0, 0.08
 """Margin around the drawing; for a low drawing a share of its height."""
 MIN_HEIGHT, MAX_HEIGHT = 260.0, 840.0
 MAX_STEP = 140.0
@@ -107,6 +108,8 @@ def draw_frame(
     *,
     is_north_known: bool,
     on_picture: bool = False,
+    bar_note: Callable[[float], str] = lambda _: "",
+    most_step: float = MAX_STEP,
 ) -> None:
     """Draw lines at round numbers of metres or feet, named along two sides, scale bar and north.
 
@@ -122,30 +125,36 @@ def draw_frame(
         Whether up in the drawing is north.
     on_picture
         Whether it has a picture of the ground.
+    bar_note
+        Returns what is written after the length of the scale bar, from its length in the drawing.
+    most_step
+        Largest distance of the lines, in units of the letters.
     """
-    low, high = sheet.extent_m
-    step_m = round_bar(MAX_STEP / sheet.scale, units)[0]
-    unit = table_unit(units)
-    size = np.array([drawing.width, drawing.height])
+    unit, u, origin = table_unit(units), drawing.unit, sheet(np.zeros(2))
+    step_m = round_bar(most_step * u / sheet.scale, units)[0]
     lines: list[Floats] = []
     for axis, name in enumerate("EN"):
-        first, last = np.ceil(low[axis] / step_m), np.floor(high[axis] / step_m)
-        for count in np.arange(first, last + 1):
-            ends = np.array([[0.0, 0.0], size])
-            ends[:, axis] = at = sheet(np.full(2, count * step_m))[axis]
+        step = step_m * sheet.scale * (1.0 if axis == 0 else -1.0)
+        reach = sorted((edge[axis] - origin[axis]) / step for edge in (drawing.low, drawing.high))
+        for count in np.arange(np.ceil(reach[0]), np.floor(reach[1]) + 1):
+            ends = np.stack([drawing.low, drawing.high])
+            ends[:, axis] = at = origin[axis] + count * step
             lines.append(ends)
             text = f"{name} {count * step_m * unit.factor + 0.0:g}"
-            half = LETTER * len(text) / 2
-            place = (at, 10.0) if axis == 0 else (EDGE + half, at - 3.0)
-            within = (
-                (half, drawing.width - COMPASS_ROOM - half),
-                (EASTINGS, drawing.height - SCALE_BAR),
-            )[axis]
-            if within[0] < at < within[1]:
+            half = u * LETTER * len(text) / 2
+            low, high = drawing.low[axis], drawing.high[axis]
+            if axis == 0:
+                place = at, drawing.low[1] + 10.0 * u
+                low, high = low + half, high - COMPASS_ROOM * u - half
+            else:
+                place = drawing.low[0] + EDGE * u + half, at - 3.0 * u
+                low, high = low + EASTINGS * u, high - SCALE_BAR * u
+            if low < at < high:
                 drawing.write(place, text, "grid", patch=0.65 * on_picture)
     look = Look(PAPER, 0.6, opacity=0.55) if on_picture else Look("#9aa3ad", 0.6, opacity=0.45)
     drawing.lines("grid", lines, look)
     patch = 0.8 * on_picture
     bar_m, text = round_bar(longest_m, units)
-    drawing.scale_bar(24.0, drawing.height - 22.0, bar_m * sheet.scale, text, patch)
+    corner = drawing.low[0] + 24.0 * u, drawing.high[1] - 22.0 * u
+    drawing.scale_bar(*corner, bar_m * sheet.scale, text + bar_note(bar_m * sheet.scale), patch)
     drawing.compass("N" if is_north_known else "up in photo 1", patch)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.stages.products.text_places import Label, place_labels
+from uavgram.stages.products.text_places import Label, Where, place_labels
 from uavgram.views.style import INK
 
 
@@ -36,11 +36,12 @@ LETTERS = {
 """Styles of the texts in the drawings of the report, by kind."""
 
 WIDTHS = {
-    "|ijlI.,:;'! ": 0.34, "ftr()[]/-–": 0.42, "²³°_": 0.5, "ABCEFJKLPRSTVXYZ": 0.7,
-    "DGHNOQU": 0.79, "Mw+±=<>~": 0.86, "mW@%—…": 1.0,
+    "'": 0.19, "ijl": 0.222, " !,./:;I[\\]ft|": 0.278, "()-r²³`": 0.333, "*": 0.389, "°": 0.4,
+    "Jcksvxyz": 0.5, "+=<>~±": 0.584, "FTZ": 0.611, "&ABEKPSVXY": 0.667, "CDHNRUw": 0.722,
+    "GOQ": 0.778, "Mm": 0.833, "%": 0.889, "W": 0.944, "@": 1.015, "…—": 1.0,
 }  # fmt: skip
-"""Widths of letters, as shares of their height, in DejaVu Sans, the widest of the usual fonts."""
-USUAL_WIDTH, WIDE_WIDTH, BOLD = 0.64, 1.0, 1.1
+"""Widths of letters, as shares of their height, in Arial and the fonts that are as wide."""
+USUAL_WIDTH, WIDE_WIDTH, BOLD = 0.556, 1.0, 1.06
 """Widths of all other letters, of those of the Far East, and the factor for bold ones."""
 _WIDTH_OF = {letter: width for letters, width in WIDTHS.items() for letter in letters}
 
@@ -66,7 +67,8 @@ MIN_SIZE = 0.5
 class TextRequest(NamedTuple):
     """Text, its kind, and (1, 2) the point or (2, 2) the ends of the line that it names.
 
-    A text that is not needed is omitted if there is no room beside its object, at `gap`.
+    A text that is not needed is omitted if there is no room beside its object, at `gap`; `where`
+    and `turn` are those of a `Label`; the colour is by default that of the kind.
     """
 
     text: str
@@ -75,11 +77,13 @@ class TextRequest(NamedTuple):
     is_needed: bool = True
     gap: float = GAP
     rank: int = 0
+    where: Where = "beside"
+    turn: float = 0.0
+    colour: str = ""
 
 
-@dataclass(frozen=True)
-class PlacedText:
-    """Text with the middle of its box at x, and its baseline at y.
+class PlacedText(NamedTuple):
+    """Text with the middle of its baseline at x and y.
 
     Attributes
     ----------
@@ -89,11 +93,15 @@ class PlacedText:
         Font size, as a share of the usual.
     half_width, half_height
         Half the size of its box.
+    turn
+        Its angle [rad], clockwise as y goes down.
     leader
-        SVG points of a line to its object; empty if that is beside it.
+        (2, 2) line from its object to its box; None if that is beside it.
+    colour
+        Its colour; empty: that of its kind.
     side
-        Alignment: -1 if its letters begin and 1 if they end at the side of the box, to which a line
-        leads; 0: they are in the middle.
+        Where its place is exact for a font of another width: -1 its beginning, 0 its middle, 1 its
+        end.
     """
 
     x: float
@@ -103,7 +111,9 @@ class PlacedText:
     size: float = 1.0
     half_width: float = 0.0
     half_height: float = 0.0
-    leader: str = ""
+    turn: float = 0.0
+    leader: Floats | None = None
+    colour: str = ""
     side: int = 0
 
 
@@ -114,6 +124,7 @@ def place_texts(
     unit: float = 1.0,
     letters: Mapping[str, Letters] = LETTERS,
     reach: float = REACH,
+    least: float = MIN_SIZE,
 ) -> tuple[tuple[PlacedText, ...], int]:
     """Place texts in a drawing; those for which no place is found are omitted.
 
@@ -131,6 +142,8 @@ def place_texts(
         Style of each kind of text.
     reach
         Largest distance of a text from its object, in its heights.
+    least
+        Least font size, as a share of the usual.
 
     Returns
     -------
@@ -149,25 +162,26 @@ def place_texts(
             unit * one.gap,
             is_needed=one.is_needed and bool(are_few),
             rank=one.rank,
+            where=one.where,
+            turn=one.turn,
         )
         for one in (wanted if are_few else wanted[:MAX_NEEDED])
     ]
     free = np.reshape(taken, (-1, 5))
-    boxes, leaders, sides, size = place_labels(labels, free, bounds, MIN_SIZE, reach)
+    boxes, leaders, sides, size = place_labels(labels, free, bounds, least, reach)
     rows = np.flatnonzero(np.isfinite(boxes[:, 0])).tolist()
     texts = []
     for k in rows:
-        height = size * unit * letters[wanted[k].kind].size
-        x, y, half_width, half_height, _ = boxes[k].tolist()
-        line = leaders[k].copy()
-        if sides[k] == 0:  # shorten the line to end at the letters
-            line[1, 1] -= np.sign(line[1, 1] - y) * (half_height - HALF_CAPITAL * height)
+        one, height = wanted[k], size * unit * letters[wanted[k].kind].size
+        x, y, half_width, half_height, turn = boxes[k].tolist()
+        leader: Floats | None = None if np.isnan(leaders[k, 0, 0]) else leaders[k].copy()
+        if leader is not None and sides[k] == 0 and not turn:  # end at the letters, not at the box
+            leader[1, 1] -= np.sign(leader[1, 1] - y) * (half_height - HALF_CAPITAL * height)
+        below = BASELINE * height
+        at = x - below * math.sin(turn), y + below * math.cos(turn)
         texts.append(
             PlacedText(
-                *(x, y + BASELINE * height, wanted[k].text, wanted[k].kind, size),
-                *(half_width, half_height),
-                leader="" if np.isnan(line[0, 0]) else svg_points(line),
-                side=int(sides[k]),
+                *at, one.text, one.kind, size, half_width, half_height, turn, leader, one.colour
             )
         )
     return tuple(texts), int(needed.sum() - needed[rows].sum())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -11,19 +12,21 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import GroundPicture, Result
 from uavgram.stages.products.map_layers import (
+    ENCLOSED,
     ellipse_outlines,
     measured_strips,
     position_strips,
     reference_strips,
 )
-from uavgram.views.formatting import number, order_worst_first
+from uavgram.stages.products.text_places import Where
+from uavgram.views.formatting import measurement_text, number, order_worst_first
 from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.style import INK, hex_colour
 from uavgram.views.survey.drawing import PAPER, Drawing, Look
 from uavgram.views.survey.off_ground import Departures, collect_departures
-from uavgram.views.survey.outlines import longest_part, nice_factor
+from uavgram.views.survey.outlines import nice_factor
 from uavgram.views.survey.sheet import MAX_HEIGHT, WIDTH, Sheet, draw_frame, lay_sheet
-from uavgram.views.survey.text_placement import TextRequest, box
+from uavgram.views.survey.text_placement import TextRequest, box, half_size
 from uavgram.views.units import INCH_M, units_of, value_text
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
@@ -36,8 +39,15 @@ DIAMOND = 5.0
 WELL_KNOWN_M = 0.01
 # With more lines than this they are thin, and only some of the measured ones are named.
 MANY_LINES, MAX_MEASURED = 20, 12
+# With more points than this only those of a measurement, a known length or a check are shown.
+MANY_POINTS = 60
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
 DASHES = "7 4"
+AREA_OPACITY = 0.15
+# Gap between a line and its name; half length of the line in the middle of an area for its name.
+LINE_GAP, IN_MIDDLE = 2.0, 0.05
+DOUBT_MARK = " ?"
+"""Mark after a value that is doubtful, or differs in another solution that fits as well."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +62,8 @@ class TopView:
         Mapping from the world to it.
     full_m
         Departure from the plane from which on colours are full; 0 if there is none.
-    has_off_ground
-        Whether points are marked that are off the ground.
+    has_off_ground, has_doubt
+        Whether points are marked that are off the ground, and values that are doubtful.
     ellipse_factor, fill_ellipses
         Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
     small_unit
@@ -64,6 +74,7 @@ class TopView:
     sheet: Sheet
     full_m: float
     has_off_ground: bool
+    has_doubt: bool
     ellipse_factor: int
     fill_ellipses: bool
     small_unit: str
@@ -144,8 +155,8 @@ def top_view(
     Parameters
     ----------
     result, most_height, shown
-        See `fit_layout`; with `shown`, only these points have names and dots, and there are no
-        heights.
+        See `fit_layout`; with `shown` there are no heights, and other points have names only where
+        there is room, and of many points only these have dots.
     ground, address
         Picture of the ground below the drawing, and its address.
     """
@@ -156,9 +167,6 @@ def top_view(
     units, is_bare = units_of(result), ground is None
     fill_ellipses = factor * usual <= FILL_SHARE * extent_m
     uneven = collect_departures(result) if shown is None else None
-    rows = slice(None) if shown is None else shown
-    dots = sheet(result.points.position_world_m[rows])
-    is_off = result.points.is_off_ground[rows]
     drawing = Drawing("Top view of points and lines, to scale", WIDTH, sheet.height)
     if ground is not None:
         corner = sheet(np.array([ground.west_m, ground.north_m]))
@@ -171,32 +179,73 @@ def top_view(
         ink = INK["ellipse"]
         look = Look(ink, 1.0, fill=ink, fill_opacity=0.15) if fill_ellipses else Look(ink, 0.6)
         drawing.lines("ellipses", _ellipses(result, sheet, factor), look)
-    lines = _lines(result, sheet)
-    if not is_bare:
-        casings = (Look(PAPER, look.width + 1.6, opacity=0.75) for _, look in lines)
-        drawing.lines_by_look(
-            "casings", ((line, c) for (line, _), c in zip(lines, casings, strict=True))
-        )
-    drawing.lines_by_look("lines", lines)
-    edge = Look(INK["point"]) if is_bare else Look(PAPER, 0.8)
-    drawing.signs("points", dots, 2.2, edge._replace(fill=INK["point"]))
-    if uneven:
-        spots = sheet(result.points.position_world_m[uneven.rows])
-        for spot, colour in zip(spots, uneven.colours, strict=True):
-            look = Look(INK["point"], 0.7, fill=hex_colour(colour))
-            drawing.signs("off_plane", spot[None], 4.5, look)
-    drawing.signs("off_ground", dots[is_off], DIAMOND, Look(INK["point"], 1.1), sign="diamond")
-    drawing.reserve([box(dot, HALF_DOT, HALF_DOT) for dot in dots])
-    drawing.place(list(_texts(result, sheet, uneven, shown)))
+    dotted = None if shown is None or len(shown) <= MANY_POINTS else shown
+    off_ground = draw_survey(drawing, sheet, result, dotted, on_picture=not is_bare)
+    texts = survey_texts(drawing, sheet, result, shown)
+    if shown is None:
+        spots = sheet(result.points.position_world_m)
+        texts += _over_ground(result, spots)
+        if uneven:
+            for spot, colour in zip(spots[uneven.rows], uneven.colours, strict=True):
+                look = Look(INK["point"], 0.7, fill=hex_colour(colour))
+                drawing.signs("off_plane", spot[None], 4.5, look)
+            texts += _off_their_plane(result, spots, uneven)
+    drawing.place(texts)
     return TopView(
         drawing=drawing,
         sheet=sheet,
         full_m=uneven.full_m if uneven else 0.0,
-        has_off_ground=bool(is_off.any()),
+        has_off_ground=off_ground,
+        has_doubt=any(text.text.endswith(DOUBT_MARK) for text in drawing.texts),
         ellipse_factor=factor,
         fill_ellipses=fill_ellipses,
         small_unit="centimetres" if units.length == "m" else "inches",
     )
+
+
+def draw_survey(
+    drawing: Drawing, sheet: Sheet, result: Result, shown: Bools | None, *, on_picture: bool
+) -> bool:
+    """Draw areas, lines and points within the drawing's frame.
+
+    Parameters
+    ----------
+    drawing, sheet
+        The drawing, and its place in the world.
+    result
+        The survey.
+    shown
+        (K,) the points with dots; by default all.
+    on_picture
+        Whether it has a picture of the ground: lines are then on wider, paler ones.
+
+    Returns
+    -------
+    Whether a point off the ground is among those shown.
+    """
+    frame = drawing.border
+    kinds, measured = result.measurements.kind, measured_strips(result)
+    rings = [sheet(one) for i, some in measured.items() if kinds[i] in ENCLOSED for one in some]
+    fill = Look(fill=INK["measured"], fill_opacity=AREA_OPACITY)
+    drawing.lines("areas", rings, fill, closed=True, clip=frame)
+    lines = _lines(result, sheet)
+    if on_picture:
+        casings = [(line, Look(PAPER, look.width + 1.6, opacity=0.75)) for line, look in lines]
+        drawing.lines_by_look("casings", casings, frame)
+    drawing.lines_by_look("lines", lines, frame)
+    edge = Look(PAPER, 0.8) if on_picture else Look(INK["point"])
+    dots = sheet(result.points.position_world_m)
+    rows = _is_inside(drawing, dots) & (True if shown is None else shown)
+    dots, is_off = dots[rows], result.points.is_off_ground[rows]
+    drawing.signs("points", dots, 2.2, edge._replace(fill=INK["point"]))
+    drawing.signs("off_ground", dots[is_off], DIAMOND, Look(INK["point"], 1.1), sign="diamond")
+    half = HALF_DOT * drawing.unit
+    drawing.reserve([box(dot, half, half) for dot in dots])
+    return bool(is_off.any())
+
+
+def _is_inside(drawing: Drawing, places: Floats) -> Bools:
+    return np.asarray(((places >= drawing.low) & (places <= drawing.high)).all(axis=1))
 
 
 def _lines(result: Result, sheet: Sheet) -> list[tuple[Floats, Look]]:
@@ -207,18 +256,26 @@ def _lines(result: Result, sheet: Sheet) -> list[tuple[Floats, Look]]:
     reference = reference_strips(result)
     width = BOLD if len(reference) <= MANY_LINES else FINE
     known = [
-        (sheet(strip), _known_look(result.lines.status[i], INK[result.lines.status[i]], width))
+        (sheet(strip), known_look(result.lines.status[i], INK[result.lines.status[i]], width))
         for i, strip in reference.items()
     ]
     stated = [
-        (sheet(strip), _known_look(status, INK["position"], FINE))
+        (sheet(strip), known_look(status, INK["position"], FINE))
         for strip, status in zip(position_strips(result), result.control_lines.status, strict=True)
     ]
     return measured + known + stated
 
 
-def _known_look(status: str, colour: str, width: float) -> Look:
-    """Return the style of a known line: dashed if it is not used, bold and red if it is wrong."""
+def known_look(status: str, colour: str, width: float) -> Look:
+    """Return the style of a known line: dashed if it is not used, bold and red if it is wrong.
+
+    Parameters
+    ----------
+    status
+        Its status.
+    colour, width
+        Those of a line that is not wrong.
+    """
     is_bad = status in ("suspect", "removed")
     return Look(
         INK[status] if is_bad else colour,
@@ -234,13 +291,21 @@ def _ellipses(result: Result, sheet: Sheet, factor: int) -> list[Floats]:
     return [sheet(outline) for outline in outlines]
 
 
-def _over_ground(result: Result, spots: Floats) -> Iterator[TextRequest]:
-    """Yield heights of points over the ground [m], the highest first."""
+def _heights(result: Result) -> dict[int, str]:
+    """Return the height over the ground of each point off it, the highest first."""
     points, units = result.points, units_of(result)
     off, height = np.flatnonzero(points.is_off_ground), points.height_above_ground_m
-    for k in off[np.argsort(-np.abs(height[off]), kind="stable")]:
+    found = {}
+    for k in off[np.argsort(-np.abs(height[off]), kind="stable")].tolist():
         sign = "+" if height[k] > 0 else ""
-        text = sign + value_text(float(height[k]), float(points.height_sigma_m[k]), "m", units)
+        text = value_text(float(height[k]), float(points.height_sigma_m[k]), "m", units)
+        found[k] = sign + text
+    return found
+
+
+def _over_ground(result: Result, spots: Floats) -> Iterator[TextRequest]:
+    """Yield heights of points over the ground, the highest first."""
+    for k, text in _heights(result).items():
         yield TextRequest(text, "off_ground", spots[k : k + 1], is_needed=False)
 
 
@@ -253,28 +318,122 @@ def _off_their_plane(result: Result, spots: Floats, uneven: Departures) -> Itera
         yield TextRequest(text, "off_plane", spots[uneven.rows[k]][None], is_needed=False)
 
 
-def _texts(
-    result: Result, sheet: Sheet, uneven: Departures | None, named: Bools | None
-) -> Iterator[TextRequest]:
-    """Yield names and values of all objects; of many measured values the least certain."""
+def is_doubtful(result: Result) -> Bools:
+    """Mark the (M,) measured values that have a question mark."""
+    rows = result.measurements
+    doubtful = [status in ("doubtful", "contradicted") for status in rows.status]
+    return np.asarray(np.array(doubtful, np.bool_) | rows.is_ambiguous)
+
+
+def survey_texts(
+    drawing: Drawing, sheet: Sheet, result: Result, named: Bools | None, *, is_full: bool = False
+) -> list[TextRequest]:
+    """Return names and values of all objects within the drawing's frame.
+
+    Parameters
+    ----------
+    drawing, sheet
+        The drawing, and its place in the world.
+    result
+        The survey.
+    named
+        (K,) the points that have names in any case, by default all; others have one if there is
+        room beside them, and if there are not many points.
+    is_full
+        Whether values have their sigmas and points their heights, and of many measured values all
+        are named for which there is room, along their lines; otherwise only the least certain ones.
+    """
     rows, units, measured = result.measurements, units_of(result), measured_strips(result)
+    doubt, texts = is_doubtful(result), list[TextRequest | None]()
+    where: Where = "along" if is_full else "near"
     shown = [int(i) for i in order_worst_first(rows) if measured.get(int(i))]
-    for i in shown[: MAX_MEASURED if len(shown) > MANY_LINES else None]:
-        value = value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
-        text = f"{rows.name[i]} {value}{' ?' if rows.is_ambiguous[i] else ''}"
-        yield TextRequest(text, "measured", sheet(longest_part(measured[i])))
-    for name, strip in zip(result.control_lines.name, position_strips(result), strict=True):
-        yield TextRequest(name, "known", sheet(strip))
+    needed = len(shown) if len(shown) <= MANY_LINES else MAX_MEASURED
+    for k, i in enumerate(shown if is_full else shown[:needed]):
+        words = measurement_text(rows, i, units).value if is_full else ""
+        words = words or value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
+        text = f"{rows.name[i]}: {words}{DOUBT_MARK if doubt[i] else ''}"
+        strips, ink = [sheet(strip) for strip in measured[i]], INK["measured"]
+        if rows.kind[i] in ENCLOSED:
+            middle = np.concatenate([strip[1:] for strip in strips]).mean(axis=0)
+            if _is_inside(drawing, middle[None])[0]:
+                spots = middle + IN_MIDDLE * drawing.unit * np.array([[-1.0, 0.0], [1.0, 0.0]])
+                texts.append(TextRequest(text, "measured", spots, k < needed))
+                continue
+        texts.append(_along(drawing, strips, text, "measured", ink, where, is_needed=k < needed))
     for i, strip in reference_strips(result).items():
         length_m = float(result.lines.length_m[i])
         length = convert_sentence(f"{length_m:.2f} m", units, exact=[length_m])
-        yield TextRequest(f"{result.lines.name[i]} {length}", "known", sheet(strip))
-    spots = sheet(result.points.position_world_m)
-    for k, label in enumerate(result.points.label):
-        if named is None or named[k]:
-            yield TextRequest(label, "name", spots[k : k + 1])
-    if named is not None:
-        return
-    yield from _over_ground(result, spots)
-    if uneven:
-        yield from _off_their_plane(result, spots, uneven)
+        if is_full:
+            length = value_text(length_m, float(result.lines.sigma_m[i]), "m", units)
+        ink, text = INK[result.lines.status[i]], f"{result.lines.name[i]}: {length}"
+        texts.append(_along(drawing, [sheet(strip)], text, "known", ink, where))
+    for name, strip, status in zip(
+        result.control_lines.name, position_strips(result), result.control_lines.status, strict=True
+    ):
+        ink = INK["position" if status == "used" else status]
+        texts.append(_along(drawing, [sheet(strip)], name, "known", ink, where))
+    spots, heights = sheet(result.points.position_world_m), _heights(result) if is_full else {}
+    needed_names = np.ones(len(spots), np.bool_) if named is None else named
+    wanted = needed_names | (len(spots) <= MANY_POINTS)
+    for row in np.flatnonzero(_is_inside(drawing, spots) & wanted).tolist():
+        text = f"{result.points.label[row]} {heights.get(row, '')}".rstrip()
+        texts.append(TextRequest(text, "name", spots[row : row + 1], bool(needed_names[row])))
+    return [text for text in texts if text is not None]
+
+
+def _along(
+    drawing: Drawing,
+    strips: list[Floats],
+    text: str,
+    kind: str,
+    ink: str,
+    where: Where,
+    *,
+    is_needed: bool = True,
+) -> TextRequest | None:
+    """Name a line along its longest visible part, or around its middle if that is too short."""
+    pairs = [pair for strip in strips for pair in pairwise(strip)]
+    parts = [clip_line(a, b, drawing.low, drawing.high) for a, b in pairs]
+    ends = [np.stack(part) for part in parts if part is not None]
+    if not ends:
+        return None
+    spots = max(ends, key=lambda part: float(np.linalg.norm(part[1] - part[0])))
+    half = drawing.unit * half_size(text, drawing.letters[kind])[0]
+    is_long = float(np.linalg.norm(spots[1] - spots[0])) >= 2 * half
+    spots = spots[np.lexsort(spots.T[::-1])]  # from left to right, as texts are read
+    return TextRequest(
+        text,
+        kind,
+        spots if is_long else spots.mean(axis=0)[None],
+        is_needed,
+        gap=LINE_GAP,
+        where=where if is_long else "beside",
+        colour=ink,
+    )
+
+
+def clip_line(
+    start: Floats, end: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats] | None:
+    """Clip a line to a rectangle (Liang and Barsky 1984); return None if it is outside.
+
+    Parameters
+    ----------
+    start, end
+        (2,) ends of the line.
+    low, high
+        (2,) corners of the rectangle.
+    """
+    # part of the line inside all four half planes, as an interval of its parameter
+    way, enter, leave = end - start, 0.0, 1.0
+    for axis in range(2):
+        for edge, sign in ((low[axis], -1.0), (high[axis], 1.0)):
+            speed, room = sign * way[axis], sign * (edge - start[axis])
+            if speed == 0.0:
+                if room < 0.0:
+                    return None
+            elif speed < 0.0:
+                enter = max(enter, room / speed)
+            else:
+                leave = min(leave, room / speed)
+    return None if enter >= leave else (start + enter * way, start + leave * way)

@@ -25,7 +25,7 @@ export interface Note { level: "error" | "warning" | "info"; code: string; text:
 export interface Photo {
   name: string; digest: string; width_px: number; height_px: number; levels: number; matched: boolean; reason: string; time_utc_s: Maybe;
   file_time_s: Maybe; // by the camera's own clock
-  seed: { east_m: Maybe; north_m: Maybe; up_m: Maybe; sigma_m: Maybe[]; turn_sigma_deg: Maybe } | null;
+  seed: { east_m: Maybe; north_m: Maybe; up: string; sigma: string; turn_sigma_deg: Maybe } | null;
   event: { status: string; residual_s: Maybe; why: string } | null;
 }
 // Brightness curve of a photo: values that become black and white, and the lift of the middle.
@@ -34,8 +34,8 @@ export interface Tones { first: Tone; stretched: Tone } // default; with the aut
 export interface Camera {
   name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Note[];
 }
-export interface ClockOffset { offset_s: Maybe; sigma_s: Maybe }
-export interface Clock extends ClockOffset { log: string; events: number; unused: string[] }
+export interface ClockOffset { text: string }
+export interface Clock extends ClockOffset { sigma_s: Maybe; log: string; events: number; unused: string[] }
 export interface Flight { track: [number, number, number][] } // UTC time [s], east and north [m]
 export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
 // Proposed picks, and labels to be picked by hand with the reason.
@@ -64,32 +64,34 @@ export interface Verdict { level: "green" | "amber" | "red" | null; words: strin
 // Status of a row: a word unless it is ok, and the reason.
 export interface Trust { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
 // `shows`: its minimal detectable error and the effect; or the observation in which no error would show.
-export interface Measured extends Trust { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[]; shows: string }
-export interface LengthFit extends Trust { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; shows: string }
+// `text`: value and sigma, empty if it is not measured; `grade`: of a slope; `earth`: latitude or longitude; `others`: of other solutions.
+export interface ValueWords { text: string; grade: string; earth: string }
+export interface Measured extends Trust, ValueWords { others: string; shows: string }
+export interface LengthWords { adjusted: string; text: string } // in a table, and beside the line
+export interface HeightWords { height: string; sentence: string; tag: string } // in a table, alone, and beside the label
+export interface LengthFit extends Trust, LengthWords { sigma: string; w: Maybe; shows: string }
 // One plain sentence, and `text` in detail; buttons for remedies, likeliest first; place to inspect.
 export interface Remark extends Note { plain: string; labels: string[]; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: { image: number; label: string } | null }
 export interface Mend { words: string; changes: SingleChange[]; opens?: string } // sent as one step: { t: "all", changes }; or a length to be read again
-export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
-export interface AdjustedPoint extends Trust { sigma_m: Maybe[]; neighbour_sigma_m: Maybe; neighbours: string[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, if the point is off it
+export interface AdjustedPoint extends Trust, Partial<HeightWords> { sigma_m: Maybe[]; sigma: string; neighbours: string[] } // `height` over the ground, if the point is off it
 export interface Adjusted {
   mode: "adjusted"; seconds: number; verdict: Verdict;
   points: Record<string, AdjustedPoint | undefined>;
-  earth_deg: Places;
   picks: Fit[]; predicted: Predicted[];
   lines: Record<string, LengthFit | undefined>;
   measurements: Record<string, Measured | undefined>;
-  checks: { label: string; error_m: Maybe[]; sigma_m: Maybe[] }[];
-  control_lines: Record<string, { offset_m: Maybe; w: Maybe; status: string; fits: boolean } | undefined>; // largest offset, to the left
-  frames: Record<number, { status: string; sigma_m: Maybe[]; moved_m: Maybe; standing: Trust } | undefined>;
+  checks: { label: string; errors: string[]; quantities: string[] }[];
+  control_lines: Record<string, { offset: string; w: Maybe; status: string; fits: boolean } | undefined>; // largest offset, to the left
+  frames: Record<number, { status: string; sigma: string; moved: string; standing: Trust } | undefined>;
   clock: ClockOffset | null;
-  advice: { start: string; end: string; length_m: Maybe; relative_sigma: number; relative_sigma_after: number } | null;
+  advice: { start: string; end: string; text: string } | null;
   messages: Note[];
 }
 export interface Unadjusted { mode: "none"; why: string; messages: Note[] }
 export interface Linearised {
   mode: "linearised";
   residuals_px: [number, string, Maybe, Maybe][]; // image, label, u, v
-  lengths_m: Record<string, Maybe>; values: Record<string, Maybe>; heights_m: Record<string, Maybe>; earth_deg: Places;
+  lines: Record<string, LengthWords>; measurements: Record<string, ValueWords>; heights: Record<string, Partial<HeightWords>>;
 }
 export type Live = { t: "live"; for: number; expected?: Predicted[] } & (Adjusted | Unadjusted | Linearised);
 export type FullLive = Exclude<Live, Linearised>;
@@ -144,7 +146,7 @@ export type Question =
   | { t: "side"; name: string } | { t: "ties"; image: number } | { t: "refuse"; pairs: Pair[]; is_taken_back?: boolean } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
 type Placed = [Maybe, Maybe]; // value and sigma [m]
-export interface SidePoint { label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
+export interface SidePoint { station: string; height: string; ground: string; label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
 interface Done { t: "done"; why?: string }
 export interface Answers {
   snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target"; is_sure: boolean }; // otherwise it only looks like the target

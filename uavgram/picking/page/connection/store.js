@@ -174,26 +174,16 @@ function live(message) {
 
 // Applies a first-order answer, which has values only: sigmas and tests stay those of the last adjustment.
 /** @param {Linearised} message */
-function layOver({ residuals_px, lengths_m, values, heights_m, earth_deg }) {
+function layOver({ residuals_px, lines, measurements, heights }) {
   const base = adjusted();
   if (!base) return;
   for (const [image, label, u, v] of residuals_px) {
     const there = store.fits.get(pickKey(image, label));
     if (there) there.residual_px = [u, v];
   }
-  for (const [name, value] of Object.entries(lengths_m)) {
-    const there = base.lines[name];
-    if (there) there.adjusted_m = value;
-  }
-  for (const [name, value] of Object.entries(values)) {
-    const there = base.measurements[name];
-    if (there) there.value = value;
-  }
-  for (const [label, height] of Object.entries(heights_m)) {
-    const there = base.points[label];
-    if (there) there.height_m = height;
-  }
-  base.earth_deg = earth_deg;
+  for (const [name, words] of Object.entries(lines)) Object.assign(base.lines[name] ?? {}, words);
+  for (const [name, words] of Object.entries(measurements)) Object.assign(base.measurements[name] ?? {}, words);
+  for (const [label, words] of Object.entries(heights)) Object.assign(base.points[label] ?? {}, words);
 }
 
 // Replaces all search results of some labels.
@@ -233,10 +223,10 @@ export function heightOf(label) {
 }
 
 // Returns the adjusted height of a point that is off the ground.
-/** @param {string} label @returns {{ height: number, sigma: number | null } | null} */
+/** @param {string} label @returns {{ height: string, sentence: string, tag: string } | null} */
 export function standsAt(label) {
-  const { height_m, height_sigma_m } = adjusted()?.points[label] ?? {};
-  return height_m === null || height_m === undefined ? null : { height: height_m, sigma: height_sigma_m ?? null };
+  const { height, sentence = "", tag = "" } = adjusted()?.points[label] ?? {};
+  return height === undefined ? null : { height, sentence, tag };
 }
 
 export function labels() {

@@ -2,9 +2,9 @@
 
 import { adjusted, picksIn, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
-import { fixed, withSigma } from "../elements/numbers.js";
+import { fixed } from "../elements/numbers.js";
 import { about, fill, keep, list, standingSign, table, titled, trusted } from "../elements/table.js";
-import { inLength, lengthUnit } from "../elements/units.js";
+import { lengthUnit } from "../elements/units.js";
 import { flightMap, utcText } from "./flight_map.js";
 
 /** @import { Adjusted, ClockOffset, Photo, Remark } from "../connection/protocol.js" */
@@ -23,7 +23,7 @@ function clockPart(now) {
   const { clock } = store;
   if (!clock) return titled("Clock", node("p", {}, "There is no flight log: no clock to match."));
   /** @param {ClockOffset} of */
-  const offset = ({ offset_s, sigma_s }) => withSigma(offset_s, sigma_s, "s") || "not known";
+  const offset = ({ text }) => text || "not known";
   const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": each photo is found in it by its time";
   return titled("Clock", node("p", {}, `Log: ${clock.log}${events}.`),
     node("p", {}, `Camera clock minus UTC: ${offset(clock)} before the adjustment`, now?.clock ? `, ${offset(now.clock)} after it.` : "."));
@@ -32,13 +32,10 @@ function clockPart(now) {
 /** Words about a value; empty if it is unknown. @param {string} before @param {string} value @param {string} after */
 const told = (before, value, after = "") => (value ? `${before} ${value}${after}` : "");
 
-/** Largest of the sigmas; null if all are null. @param {(number | null)[] | undefined} sigma */
-const most = (sigma) => (sigma?.some((one) => one !== null) ? Math.max(...sigma.map(Number)) : null);
-
 /** The match of a photo, and its pose from the flight alone. @param {Photo} photo */
 const wordsOf = ({ reason, event, seed }) => [
   reason, told("its camera event in the log is", event?.status ?? ""), told("and off by", fixed(event?.residual_s, 3), " s"),
-  told("by the flight", withSigma(seed?.up_m, null, "m"), " up"), told("direction \u00b1", fixed(seed?.turn_sigma_deg, 2), "\u00b0"),
+  told("by the flight", seed?.up ?? "", " up"), told("direction \u00b1", fixed(seed?.turn_sigma_deg, 2), "\u00b0"),
 ];
 
 /** @type {Record<string, string | undefined>} */
@@ -47,13 +44,12 @@ const STATUS = { refined: "fitted", seeded: "flight only", rejected: "left out",
 /** @param {Facts[]} facts @param {(image: number) => void} show */
 function framesPart(facts, show) {
   const rows = facts.map(({ photo, k, picks, found }) => {
-    const seed = most(photo.seed?.sigma_m);
-    const refined = found?.status === "refined" ? most(found.sigma_m) : null;
+    const refined = found?.status === "refined" ? found.sigma : "";
     const [status, trust] = found ? [found.status, found.standing] : [photo.matched ? "matched" : "unmatched", undefined];
     const utc = utcText(photo.time_utc_s, 2);
-    return node("tr", { title: [utc && `${utc} UTC`, ...wordsOf(photo), told("moved by", withSigma(found?.moved_m, null, "m"))].filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
+    return node("tr", { title: [utc && `${utc} UTC`, ...wordsOf(photo), told("moved by", found?.moved ?? "")].filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
       node("td", { class: "named ended", title: photo.name }, standingSign(trust), node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => show(k) }, node("bdi", {}, photo.name))),
-      node("td", {}, `${picks}`), node("td", {}, STATUS[status] ?? status), node("td", {}, fixed(inLength(seed), 2)), node("td", { class: "value" }, trusted(trust, fixed(inLength(refined), 2))),
+      node("td", {}, `${picks}`), node("td", {}, STATUS[status] ?? status), node("td", {}, photo.seed?.sigma ?? ""), node("td", { class: "value" }, trusted(trust, refined)),
       node("td", { class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;

@@ -4,9 +4,9 @@ import { TOOLS } from "../actions/keys.js";
 import { adjusted, countsOfPicks, remarks, standsAt, store } from "../connection/store.js";
 import { fault } from "../connection/trust.js";
 import { as, node } from "../elements/dom.js";
-import { alternativesText, degrees, fixed, gradeText, MISFIT, SIGMA, valueText, withSigma } from "../elements/numbers.js";
+import { fixed, MISFIT, SIGMA } from "../elements/numbers.js";
 import { about, beneath, drop, fill, keep, list, remove, standingSign, table, titled, trusted, wCell, withValues } from "../elements/table.js";
-import { fieldText, fieldUnit, inLength, lengthUnit, smallUnit } from "../elements/units.js";
+import { fieldText, fieldUnit, lengthUnit, smallUnit } from "../elements/units.js";
 import { entryPart, KINDS, readLength } from "./entry.js";
 import { firstStepsPart } from "./first_steps.js";
 import { plannedPart, plannedPlatesPart } from "./planned.js";
@@ -19,7 +19,7 @@ import { placeText } from "./speed.js";
 /** @import { Tool } from "../actions/keys.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Adjusted, Fit, Line, Measured, Measurement, Trust } from "../connection/protocol.js" */
-/** @typedef {{ label: string, fit: Fit | undefined, sigmaMm: number | null, count: number, up: string, trust: Trust | undefined }} PointFacts */
+/** @typedef {{ label: string, fit: Fit | undefined, sigma: string, count: number, up: string, trust: Trust | undefined }} PointFacts */
 
 /** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
 export function showMeasure(section, state, image, tools, side) {
@@ -68,15 +68,11 @@ function pointsPart(selected, tools) {
   }
   const facts = [...counts].map(([label, count]) => {
     const point = now?.points[label];
-    const sigmaMm = typeof point?.neighbour_sigma_m === "number" ? point.neighbour_sigma_m / smallUnit().metres : null; // one alone has none
     const stands = standsAt(label);
-    return { label, fit: worst.get(label), sigmaMm, count, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "", trust: point };
+    return { label, fit: worst.get(label), sigma: point?.sigma ?? "", count, up: stands ? ` \u2191${stands.height}` : "", trust: point };
   });
   const part = keep("points", [selected, facts.map(({ label, count, up, trust }) => [label, count, up, standing(trust)])], () => pointsTable(facts, selected, tools));
-  return withValues(part, facts.map(({ fit, sigmaMm, trust }) => {
-    const sigma = fixed(sigmaMm, smallUnit().symbol === "in" ? 2 : Number(sigmaMm) < 10 ? 1 : 0);
-    return { sign: [sigma, standing(trust), fit?.w, fit?.status], make: () => [[trusted(trust, sigma)], [wCell(fit?.w, fit?.status)]] };
-  }));
+  return withValues(part, facts.map(({ fit, sigma, trust }) => ({ sign: [sigma, standing(trust), fit?.w, fit?.status], make: () => [[trusted(trust, sigma)], [wCell(fit?.w, fit?.status)]] })));
 }
 
 /** @param {PointFacts[]} facts @param {string | null} selected @param {Tools} tools */
@@ -89,7 +85,7 @@ function pointsTable(facts, selected, tools) {
       node("td", { class: "named", title: label }, standingSign(trust), node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
       node("td", {}, `${count}`), value(), value());
   });
-  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit().symbol}`, `of the distances to the points next to it; ${SIGMA}`), about("misfit", `of its worst mark: ${MISFIT}`)], rows));
+  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit()}`, `of the distances to the points next to it; ${SIGMA}`), about("misfit", `of its worst mark: ${MISFIT}`)], rows));
 }
 
 /** @param {Tools} tools */
@@ -101,7 +97,7 @@ function lengthsPart(tools) {
   const fits = store.lines.map((line) => now?.lines[line.name]);
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", fits[k]?.status ?? ""); });
   return withValues(part, fits.map((fit) => {
-    const [length, sigma] = [fit?.adjusted_m, fit?.sigma_m].map((one) => fixed(inLength(one), 3));
+    const { adjusted: length = "", sigma = "" } = fit ?? {};
     return {
       sign: [length, sigma, fit?.w, fit?.shows, standing(fit)],
       make: () => [[trusted(fit, length)], [trusted(fit, sigma)], [wCell(fit?.w, isFault(fit) ? "suspect" : "", fit?.why)], saidBeneath(fit, fit?.shows)],
@@ -172,22 +168,20 @@ const rowsOf = ({ name, kind }) => (kind === "coordinate" ? [`${name} east`, `${
 // a survey that is not tied to the earth has only the first two.
 /** @param {Measurement} measurement @param {Adjusted | null} now @returns {(string | Element)[]} */
 function valuesOf(measurement, now) {
-  const { name, kind, points } = measurement;
+  const { name, kind } = measurement;
   const rows = rowsOf(measurement);
   const found = rows.flatMap((row) => now?.measurements[row] ?? []);
   if (!now || found.length < rows.length) return [""];
-  if (found[0].value === null) return [unmeasured(name)];
-  const others = found.filter((one) => one.alternatives.length).map(notUnique);
-  if (kind === "slope") return [`${valueText(found[0])} = ${gradeText(found[0])}`, ...others];
-  if (kind !== "coordinate") return [valueText(found[0]), ...others];
+  if (!found[0].text) return [unmeasured(name)];
+  const others = found.filter((one) => one.others).map(notUnique);
+  if (kind !== "coordinate") return [`${found[0].text}${found[0].grade && ` = ${found[0].grade}`}`, ...others];
   const [east, north] = found;
-  const [latitude, longitude] = now.earth_deg[points[0]] ?? [];
-  return [`E ${valueText(east)}`, `N ${valueText(north)}`, ...(latitude === undefined || longitude === undefined ? [] : [`lat ${degrees(latitude, north.sigma)}`, `lon ${degrees(longitude, east.sigma)}`]), ...others];
+  return [`E ${east.text}`, `N ${north.text}`, ...[north.earth, east.earth].filter(Boolean), ...others];
 }
 
 /** @param {Measured} found */
 function notUnique(found) {
-  return node("span", { class: "bad", title: "Other solutions explain what was observed as well, and give this: value and sigma hold only if the first one is right" }, alternativesText(found));
+  return node("span", { class: "bad", title: "Other solutions explain what was observed as well, and give this: value and sigma hold only if the first one is right" }, found.others);
 }
 
 /** @param {string} name */
@@ -212,14 +206,9 @@ function measurementRow(one, tools) {
 function advicePart(tools) {
   const advice = adjusted()?.advice;
   if (!advice) return null;
-  const text = `Tape ${advice.start} \u2013 ${advice.end} (about ${withSigma(advice.length_m, null, "m")}) next: distances between the points would be known to `
-    + `${percent(advice.relative_sigma_after)} instead of ${percent(advice.relative_sigma)}. `;
-  return keep("advice", advice, () => titled("What a further length would bring", node("p", { class: "value" }, text),
+  return keep("advice", advice, () => titled("What a further length would bring", node("p", { class: "value" }, advice.text),
     node("button", { onclick: () => tools.askLength(advice.start, advice.end) }, "Enter it")));
 }
-
-/** @param {number} part */
-const percent = (part) => `${(100 * part).toPrecision(2)} %`;
 
 function remarksPart() {
   const all = remarks().filter((message) => message.level === "info");
@@ -237,11 +226,11 @@ function knownPart(tools) {
   const sign = [known, [...off.values()], known.map(([label]) => picked.get(label) ?? 0)];
   return keep("known", sign, () => titled("Known points", node("p", { class: "dim" }, `Control points take part; check points are withheld, and judged: ${lengthUnit() === "m" ? "metres" : "feet"} off.`),
     table("Known points", ["label", "use", "photos", "east", "north", "up"], known.map(([label, use]) => {
-      const { error_m, sigma_m } = off.get(label) ?? { error_m: [null, null, null], sigma_m: [] };
+      const { errors, quantities } = off.get(label) ?? { errors: ["", "", ""], quantities: [] };
       return node("tr", { "data-row": `known ${label}` },
         node("td", { title: label }, node("button", { class: "link", name: "name", "aria-label": `Pick ${label}`, onclick: () => tools.name(label) }, label)),
         node("td", {}, use), node("td", {}, `${picked.get(label) ?? 0}`),
-        ...error_m.map((value, k) => node("td", { class: "value", title: value === null ? "" : withSigma(value, sigma_m[k], "m") }, fixed(inLength(value), 3))));
+        ...errors.map((value, k) => node("td", { class: "value", title: quantities[k] ?? "" }, value)));
     }))));
 }
 
@@ -255,6 +244,6 @@ function linesOfPositionPart() {
       const fit = found[name];
       return node("tr", { "data-row": `line ${name}` },
         node("td", { title: name }, node("span", { class: fit?.fits === false ? "bad" : null }, name)), node("td", {}, points.join(", ")),
-        node("td", { class: "value" }, fixed(inLength(fit?.offset_m ?? null), 3)), node("td", { class: "value" }, fixed(fit?.w ?? null, 1)), node("td", {}, fit?.status ?? ""));
+        node("td", { class: "value" }, fit?.offset ?? ""), node("td", { class: "value" }, fixed(fit?.w ?? null, 1)), node("td", {}, fit?.status ?? ""));
     }))));
 }

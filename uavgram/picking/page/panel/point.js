@@ -4,7 +4,7 @@
 import { roving } from "../actions/keys.js";
 import { adjusted, heightOf, pickAt, picksOf, stale, standsAt, store } from "../connection/store.js";
 import { as, fillIfNew, node } from "../elements/dom.js";
-import { heightText, meaning } from "../elements/numbers.js";
+import { meaning } from "../elements/numbers.js";
 import { keep } from "../elements/table.js";
 import { fieldText, fieldUnit } from "../elements/units.js";
 import { madeBy } from "../photos/sources.js";
@@ -63,7 +63,7 @@ function renamed(label, field, { edits }) {
 /** @param {HTMLElement} box @param {string} label @param {Tools} tools */
 function showHeight(box, label, tools) {
   const stands = standsAt(label);
-  const words = stands ? heightText(stands) : "";
+  const words = stands?.sentence ?? "";
   const told = offGround().includes(label);
   const why = told ? "Nobody said so: its picks fit at that height, and not on the ground." : unfound(label);
   fillIfNew(box, JSON.stringify([label, words, told, why]), () => [

@@ -2,7 +2,7 @@
 
 import { adjusted, store } from "../connection/store.js";
 import { node, shape } from "../elements/dom.js";
-import { fixed, places, withSigma } from "../elements/numbers.js";
+import { fixed, places } from "../elements/numbers.js";
 import { keep, table, titled } from "../elements/table.js";
 import { inLength, lengthUnit } from "../elements/units.js";
 import { KINDS } from "./entry.js";
@@ -154,7 +154,6 @@ function labelShapes(along, { x, y }) {
 /** @param {SidePoint[]} points */
 function numbersPart(points) {
   const along = [...points].sort((a, b) => known(a.station_m)[0] - known(b.station_m)[0]);
-  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", ...["along", "height", "ground"].map((what) => `${what} ${lengthUnit()}`)], along.map(({ label, station_m, height_m, ground_m }) => node("tr", {},
-    node("td", { class: "named", title: label }, label), node("td", { class: "value", title: withSigma(...station_m, "m") }, fixed(inLength(station_m[0]), 2)),
-    node("td", { class: "value" }, withSigma(inLength(height_m[0]), inLength(height_m[1] || null))), node("td", { class: "value", title: withSigma(...ground_m, "m") }, fixed(inLength(ground_m[0]), places(ground_m[1])))))));
+  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", `along ${lengthUnit()}`, "height", `ground ${lengthUnit()}`], along.map(({ label, station, height, ground }) => node("tr", {},
+    node("td", { class: "named", title: label }, label), ...[station, height, ground].map((words) => node("td", { class: "value" }, words))))));
 }

@@ -3,8 +3,7 @@
 import { fitOf, isSuspect, picksIn, predictedIn, proposalAt, proposals, standsAt, store } from "../connection/store.js";
 import { fault, trustOfPoint } from "../connection/trust.js";
 import { put, shape } from "../elements/dom.js";
-import { fixed, heightText } from "../elements/numbers.js";
-import { shortText } from "../elements/units.js";
+import { fixed } from "../elements/numbers.js";
 import { askedParts } from "./asked.js";
 import { showTag } from "./labels.js";
 import { ON_PX } from "./near.js";
@@ -72,7 +71,7 @@ function pickPart(pick, selected, shown, scale) {
   const residual = shown.residuals ? residualOf(fit) : null;
   const stands = standsAt(pick.label);
   const tag = tagText(pick.label, stands);
-  const high = stands ? `, ${heightText(stands)}` : "";
+  const high = stands ? `, ${stands.sentence}` : "";
   let spoken = ""; // made once: it is independent of the view
   return {
     key: `pick ${pick.label}`,
@@ -133,7 +132,7 @@ const toldOf = (trust) => (trust?.words ? `\n${trust.words}: ${trust.why}` : "")
 // A label, with the height of its point if that is off the ground.
 /** @param {string} label @param {ReturnType<typeof standsAt>} stands */
 function tagText(label, stands) {
-  return stands ? `${label} ${stands.height < 0 ? "\u2193" : "\u2191"}${shortText(Math.abs(stands.height), stands.sigma)}` : label;
+  return stands ? `${label} ${stands.tag}` : label;
 }
 
 /** @param {string} label @returns {"control" | "check" | ""} */

@@ -3,7 +3,7 @@
 import { adjusted, placeOf, store } from "../connection/store.js";
 import { fault } from "../connection/trust.js";
 import { put, shape } from "../elements/dom.js";
-import { valueOnly, valueText, withSigma } from "../elements/numbers.js";
+import { typedText } from "../elements/units.js";
 import { textShape } from "./shapes.js";
 
 /** @import { Line, Measurement } from "../connection/protocol.js" */
@@ -26,7 +26,7 @@ export function linesIn(image, selected) {
 /** @param {number} image @param {Line} line */
 function lengthPath(image, line) {
   const now = adjusted()?.lines[line.name];
-  const words = now?.adjusted_m ? withSigma(now.adjusted_m, now.sigma_m, "m") : `${valueOnly(line.length_m, line.sigma_m, "m")} taped`;
+  const words = now?.text || `${typedText(line.length_m)} taped`;
   const kind = `length${line.adjust ? "" : " withheld"}${fault(now) && ` ${fault(now)}`}`;
   return pathOf(image, [line.start, line.end], kind, `${line.name} ${words}${fault(now) && ` (${fault(now)})`}`, false);
 }
@@ -34,7 +34,7 @@ function lengthPath(image, line) {
 /** @param {number} image @param {Measurement} request */
 function measurementPath(image, { name, kind, points, parameters = {} }) {
   const now = adjusted()?.measurements[name];
-  const words = now ? `${valueText(now)}${now.words && ` (${now.words})`}` : "";
+  const words = now ? `${now.text}${now.words && ` (${now.words})`}` : "";
   return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), `measured ${now?.status ?? "ok"}`, `${name} ${words}`.trim(), kind === "area" || kind === "volume");
 }
 

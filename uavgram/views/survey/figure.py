@@ -1,0 +1,114 @@
+"""Drawings as Matplotlib figures: for PDF and PNG that need no library of the system."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from matplotlib.textpath import TextPath
+
+from uavgram.views.survey.drawing import Drawing, Look, Shapes
+from uavgram.views.survey.text_placement import ASIDE, PlacedText
+
+MM_OF_POINT = 25.4 / 72.0
+SMALLER = 0.87
+"""Size of letters of this font that are as wide as those of a browser's."""
+
+
+def draw_figure(drawing: Drawing) -> Figure:
+    """Draw on paper a drawing in millimetres; its pictures are pixels.
+
+    Parameters
+    ----------
+    drawing
+        The drawing.
+    """
+    width, height = drawing.width, drawing.height
+    figure = Figure(figsize=(width / 25.4, height / 25.4))
+    axes: Axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_xlim(0.0, width)
+    axes.set_ylim(height, 0.0)
+    axes.set_axis_off()
+    frame = Path(drawing.border)
+    for image in drawing.images:
+        (left, top), (right, bottom) = image.place, image.place + image.size
+        shown = axes.imshow(
+            np.asarray(image.data), extent=(left, right, bottom, top), aspect="auto",
+            interpolation="none", alpha=None if image.opacity == 1.0 else image.opacity, zorder=0,
+        )  # fmt: skip
+        shown.set_clip_path(frame, axes.transData)
+    every = [*drawing.shapes, *drawing.signs_over]
+    for order, shapes in enumerate(every, start=1):
+        path = _path(shapes)
+        for look in shapes.looks:
+            patch = _patch(path, look, drawing.unit, order)
+            axes.add_artist(patch)
+            if shapes.clip is not None:
+                patch.set_clip_path(Path(shapes.clip), axes.transData)
+    for text in (*drawing.written, *drawing.texts):
+        _write(axes, drawing, text, len(every) + 1)
+    return figure
+
+
+def _path(shapes: Shapes) -> Path:
+    if shapes.sign == "ring":
+        circles = [Path.circle(tuple(at[0]), shapes.radius) for at in shapes.lines]
+        return Path.make_compound_path(*circles)
+    lines = shapes.outlines
+    if not shapes.closed:
+        return Path.make_compound_path(*(Path(line) for line in lines))
+    rings = (np.concatenate([line, line[:1]]) for line in lines)
+    return Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+
+
+def _patch(path: Path, look: Look, unit: float, order: int) -> PathPatch:
+    """Return a path with its style; dashes and gaps are in widths of the line."""
+    path.should_simplify = False
+    dashes = tuple(float(one) / look.width for one in look.dashes.split())
+    edge, face = (
+        "none" if colour == "none" else (colour, opacity)
+        for colour, opacity in ((look.stroke, look.opacity), (look.fill, look.fill_opacity))
+    )
+    return PathPatch(
+        path,
+        edgecolor=edge,
+        facecolor=face,
+        linewidth=look.width * unit / MM_OF_POINT,
+        linestyle=(0.0, dashes) if dashes else "solid",
+        capstyle="butt",
+        zorder=order,
+    )
+
+
+def _write(axes: Axes, drawing: Drawing, text: PlacedText, order: int) -> None:
+    """Write a text no wider than its box."""
+    look, unit = drawing.letters[text.kind], drawing.unit * text.size
+    weight = "bold" if look.is_bold else "normal"
+    half_mm = text.half_width - ASIDE * unit
+    most_mm = 2 * half_mm / max(_width(text.text, weight), 1e-9)
+    axes.text(
+        text.x + text.side * half_mm, text.y, _plain(text.text),
+        fontsize=min(SMALLER * look.size * unit, most_mm) / MM_OF_POINT,
+        color=text.colour or look.colour, weight=weight, style=look.style,
+        ha=("center", "right", "left")[text.side], va="baseline",
+        rotation=-float(np.degrees(text.turn)), rotation_mode="anchor", zorder=order,
+    )  # fmt: skip
+
+
+def _plain(text: str) -> str:
+    """Escape dollars, between which Matplotlib would see a formula."""
+    return text.replace("$", r"\$")
+
+
+@lru_cache(maxsize=2048)
+def _width(text: str, weight: str) -> float:
+    """Return the width of a text, in heights of its letters."""
+    if not text.strip():
+        return 0.0
+    path = TextPath((0.0, 0.0), _plain(text), size=1.0, prop=FontProperties(weight=weight))
+    return float(path.get_extents().width)
