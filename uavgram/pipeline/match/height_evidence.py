@@ -113,6 +113,13 @@ def is_informative(candidates: Candidates, row: int, missed: Missed) -> bool:
 
     Outside the photo there is none. A look-alike beside the line of sight has moved; one along it
     may be at another height.
+
+    Parameters
+    ----------
+    candidates, row
+        Predicted places, and the number of the searched one.
+    missed
+        The search there.
     """
     if missed.pixel_px is None:
         return missed.why != REASON_TEXTS[RefusalReason.OUTSIDE]
