@@ -61,10 +61,12 @@ def determine_verdict(
     without = {Effect.NONE, Effect.UNCHECKED} if is_ok else {Effect.NONE}
     codes = {m.code for m in messages}
     # A message that a cause explains is a note, not a reason.
+    # A note is one where another solution has other values.
+    noted = {Effect.UNCHECKED} if any(table.is_ambiguous) else set[Effect]()
     because = [
         m
         for m in messages
-        if (m.level != "info" or _effect(m) is Effect.UNCHECKED)
+        if (m.level != "info" or _effect(m) in noted)
         and _effect(m) not in without
         and entry_of(m.code).part_of not in codes
     ]
