@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.catalogue.entry import NOTE, WARNING, WARNING_OR_NOTE, Effect, Entry, Order
+from uavgram.model.catalogue.entry import NOTE, WARNING, Effect, Entry, Order
 
 MISFITS = (
     Entry(
@@ -425,7 +425,7 @@ FOUND_CAUSES = (
     ),
     Entry(
         "mirrored-undecided",
-        WARNING_OR_NOTE,
+        NOTE,
         finding=(
             "The flight log would also fit photos that were all mirrored when they were picked, as "
             "happens over a straight flight."
