@@ -90,7 +90,7 @@ def test_a_photo_outside_the_flight_is_unmatched(project: Project, runs: Runs) -
     assert not result.has_seed[12]
     (text,) = messages(result, "frame-unmatched")
     assert "IMG_0013.jpg" in text
-    assert said.count(text) == 1
+    assert said.count(text) == 2  # as a message, and as a reason of the verdict
     picks = zip(result.picks.image, result.picks.status, strict=True)
     assert {status for image, status in picks if image == "IMG_0013.jpg"} == {"unused"}
 
