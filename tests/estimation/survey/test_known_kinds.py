@@ -8,8 +8,7 @@ from known_scenes import ground
 from pyproj import CRS, Proj, Transformer
 from scenes import make_scene
 
-from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings
+from uavgram.estimation.survey.known_kinds import ALL_KINDS, AlikeThings
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownThing
 

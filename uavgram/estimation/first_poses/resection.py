@@ -1,4 +1,4 @@
-"""Initial poses of many photos at once, by maximum likelihood from observations of their points.
+"""Poses of photos from known points, by maximum likelihood, and the picks that agree on one pose.
 
 `minimise_each` (`estimation.solver.batched`) solves the problem for B photos together. The unknowns
 are the pose of each photo. The observations are:
@@ -8,17 +8,23 @@ are the pose of each photo. The observations are:
 
 Photos whose picks are observations of ground points are adjusted in
 `estimation/repeated/single_photo.py`.
+
+Consensus of the smallest sets of picks that determine a pose (Fischler and Bolles 1981, "Random
+sample consensus"), here all of these sets or a fixed sample.
 """
 
 from __future__ import annotations
 
+from itertools import combinations
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.solver.batched import ExplicitProblem, State
+from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_each
+from uavgram.geometry.ground.plane import factor_homographies, make_homography_rows, mirror_plane
 from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 
 
 def move_poses(state: State, step: Floats) -> State:
@@ -164,3 +170,151 @@ def compute_ray_residuals(
     onto = across - (across @ seen[..., None]) * seen[..., None, :]
     by_point = onto @ rotation.swapaxes(-1, -2) / distance[..., None]
     return (across @ seen[..., None])[..., 0], by_point, across @ hat(seen)
+
+
+Pose = tuple[Floats, Floats]
+"""Centre (3,) in the axes of the plane [m], and rotation (3, 3), plane from camera."""
+
+MAX_ITERATIONS = 20
+"""Number of iterations."""
+
+MIN_SINGULAR_RATIO = 1e-9
+"""Ratio of the second smallest to the largest singular value below which the points are in line."""
+
+
+def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | None:
+    """Estimate the pose of a camera from points on the plane z = 0.
+
+    Parameters
+    ----------
+    point_m
+        (N, 2) plane coordinates, N >= 4, not all but one in line.
+    ray
+        (N, 3) undistorted rays in the camera frame, z = 1.
+
+    Returns
+    -------
+    center_m : (3,)
+        In the axes of the plane.
+    plane_from_camera : (3, 3)
+    None
+        If the points do not determine it.
+
+    Notes
+    -----
+    Direct linear transformation of the homography with normalised coordinates (Hartley and
+    Zisserman 2004, algorithm 4.2), and its factorisation by orthonormality (Zhang 2000, sec. 3.1).
+    """
+    mean = point_m.mean(axis=0)
+    size = np.sqrt(np.mean(np.sum((point_m - mean) ** 2, axis=1)))
+    if size == 0:
+        return None
+    rows = make_homography_rows((point_m - mean) / size, ray[:, :2])
+    _, singular, vectors = np.linalg.svd(rows)
+    if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
+        return None
+    camera_from_plane, origin = factor_homographies(vectors[-1].reshape(3, 3))
+    center = -camera_from_plane.T @ origin * size
+    return center + np.array([*mean, 0.0]), camera_from_plane.T
+
+
+def find_second_pose(pose: Pose, point_m: Floats) -> Pose:
+    """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike."""
+    center, plane_from_camera = pose
+    middle = np.array([*point_m.mean(axis=0), 0.0])
+    sight = plane_from_camera.T @ (middle - center)
+    turned = mirror_plane(plane_from_camera.T, sight).T
+    return middle - turned @ sight, turned
+
+
+def refine_pose(
+    pose: Pose, world_m: Floats, ray: Floats, sigma: Floats
+) -> tuple[float, Pose] | None:
+    """Refine a pose to the best fit of the rays, and return its sum of squares with it.
+
+    Parameters
+    ----------
+    pose
+        Initial pose.
+    world_m
+        (N, 3) points on the plane z = 0 or near it.
+    ray
+        (N, 3) undistorted, z = 1.
+    sigma
+        (N,) of their x and y.
+
+    Returns
+    -------
+    None
+        If a point is not before the camera, or the camera not above the plane.
+    """
+    size = np.linalg.norm(ray, axis=1)[:, None]
+    across = np.zeros((len(ray), 2, 3))  # from unit vectors to x and y at z = 1
+    across[:, [0, 1], [0, 1]] = 1.0
+    across[:, :, 2] = -ray[:, :2]
+    across *= (size / sigma[:, None])[:, None]
+    problem = make_ray_problem((ray / size)[None], across[None], world_m[None])
+    ends = minimise_each(problem, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
+    (center, rotation), cost = ends.state, float(ends.cost[0])
+    return (cost, (center[0], rotation[0])) if cost < np.inf and center[0, 2] > 0 else None
+
+
+MIN_PICKS = 4
+"""Number of picks that determine a pose above known points of a plane."""
+
+MAX_SETS = 500
+"""Largest number of sets of picks that are tried."""
+
+AGREEMENT_SIGMAS = 12.0
+"""Largest distance from the predicted place, in sigmas of a pick, of a pick that agrees: a
+prediction by four picks with errors of a sigma each is itself uncertain by several sigmas."""
+
+
+def find_consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
+    """Mark the picks (n,) that agree on the pose of largest consensus.
+
+    Parameters
+    ----------
+    world
+        Points of the picks on the plane (n, 2), in metres.
+    ray
+        Their lines of sight in the camera's axes (n, 3), of depth 1.
+    sigma
+        (n,) sigmas of the picks, in normalised image coordinates.
+
+    Returns
+    -------
+    None where no pose can be found.
+    """
+    best = None
+    for chosen in _sets(len(ray)):
+        agree = _agreeing(world, ray, sigma, np.array(chosen))
+        if agree is not None and (best is None or agree.sum() > best.sum()):
+            best = agree
+    if best is None or best.sum() < MIN_PICKS:
+        return best
+    return _agreeing(world, ray, sigma, np.flatnonzero(best))
+
+
+def _sets(n: int) -> list[tuple[int, ...]]:
+    """Return the smallest sets of n picks: all, or a fixed random sample."""
+    if comb(n, MIN_PICKS) <= MAX_SETS:
+        return list(combinations(range(n), MIN_PICKS))
+    rng = np.random.default_rng(0)
+    return [tuple(rng.choice(n, MIN_PICKS, replace=False)) for _ in range(MAX_SETS)]
+
+
+def _agreeing(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Bools | None:
+    pose = resect_from_plane(world[chosen], ray[chosen])
+    if pose is None:
+        return None
+    distance = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1)
+    return np.asarray(distance < AGREEMENT_SIGMAS * sigma)
+
+
+def project_plane(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
+    """Project points of the plane to normalised image coordinates (n, 2); NaN behind the camera."""
+    center, plane_from_camera = pose
+    camera = (np.column_stack([world, np.zeros(len(world))]) - center) @ plane_from_camera
+    depth = np.where(camera[:, 2:] > 0, camera[:, 2:], np.nan)
+    return np.asarray(camera[:, :2] / depth)

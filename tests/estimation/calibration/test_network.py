@@ -8,7 +8,15 @@ import board_scenes as scenes
 import numpy as np
 import pytest
 
-from uavgram.estimation.calibration.adjustment import Fit, adjust, fit_poses
+from uavgram.estimation.calibration.adjustment import (
+    Fit,
+    HeldOut,
+    adjust,
+    choose_simplest,
+    compute_information_criteria,
+    cross_validate,
+    fit_poses,
+)
 from uavgram.estimation.calibration.network import (
     compute_coverage,
     compute_tilts,
@@ -18,12 +26,6 @@ from uavgram.estimation.calibration.network import (
 )
 from uavgram.estimation.calibration.problem import make_lens, pad
 from uavgram.estimation.calibration.start import estimate_first_values
-from uavgram.estimation.calibration.validation import (
-    HeldOut,
-    choose_simplest,
-    compute_information_criteria,
-    cross_validate,
-)
 from uavgram.model.arrays import Floats
 from uavgram.model.board import BoardObservations, CalibrationOptions
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from place_only_scenes import place_only
 
-from uavgram.estimation.measuring.transferred_pixels import PickedPixels, transfer_pixels
+from uavgram.estimation.measuring.predicted_pixels import PickedPixels, transfer_pixels
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.unknowns import State, apply_increment
 from uavgram.geometry.ground.plane import intersect_ground

@@ -7,7 +7,7 @@ import pytest
 import scenes
 from numpy.typing import ArrayLike
 
-from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
+from uavgram.estimation.survey.observations.telemetry import compute_trend_inflation
 from uavgram.model.arrays import Floats
 
 
