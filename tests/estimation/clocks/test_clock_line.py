@@ -88,7 +88,7 @@ def test_the_sigma_of_the_drift_is_true() -> None:
     assert 0.85 < np.std(errors) < 1.15  # 300 trials: sigma of std is 0.04
 
 
-# Which of a log's clocks is believed.
+# Choice among the clocks of a log.
 
 
 ClockSource = Literal["gps", "system_time", "receive"]

@@ -1,4 +1,4 @@
-"""Where rays meet, against OpenCV's triangulation, and when they say nothing."""
+"""Intersections of rays against OpenCV's triangulation, and first values of tie points."""
 
 from __future__ import annotations
 

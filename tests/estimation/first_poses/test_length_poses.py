@@ -235,7 +235,7 @@ def test_what_is_remembered_is_of_the_same_numbers() -> None:
     assert (other.covariance[0] != found.covariance[0]).any()
 
 
-# The gate through which poses from lengths pass where there is a log.
+# Gate for poses from lengths by the poses of a log.
 
 
 SEED = np.diag([1.0, -1.0, -1.0]) @ Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()

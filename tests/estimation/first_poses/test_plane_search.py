@@ -1,4 +1,4 @@
-"""What known things miss on planes, against world coordinates and differences."""
+"""Residuals of known things on planes against world coordinates, and the search of poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scale rests on, against surveys that leave the other witness out."""
+"""Sigmas of the scale against surveys that leave out the other observations of the scale."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_the_sentence_names_what_bears_it(scene_factory: Make) -> None:
     assert {log.level, log.code} == {"info", "scale-basis"}
 
 
-# What is weak about a set of lines, in words, and which one to tape next.
+# Faults of a set of lines, and the next line to tape.
 
 
 SCENE = np.array([[-20.0, -15.0], [20.0, -15.0], [20.0, 15.0], [-20.0, 15.0]])

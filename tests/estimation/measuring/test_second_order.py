@@ -1,4 +1,4 @@
-"""Second-order terms against sampling, where first order holds and where it does not."""
+"""Second-order terms against sampling, where first order is enough and where not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which observations are suspected, and what no test can part from them."""
+"""Suspected observations, and those that no test separates from them."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_a_clean_survey_is_not_suspected() -> None:
     assert suspected(make_scene(9, frames=6, noise=0.5).survey)[1] == []
 
 
-# A reading that nearly nothing checks is not accused, however large its test statistic is.
+# Readings of almost no redundancy: not suspected, however large their test statistic.
 
 
 @pytest.mark.parametrize("seed", [5, 16, 24])

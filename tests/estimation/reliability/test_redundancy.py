@@ -170,7 +170,7 @@ def test_without_redundancy_nothing_is_improbable() -> None:
     assert fit.probability == 1.0
 
 
-# Test statistics of every group against dense formulas, and what undetected errors would do.
+# Test statistics of every group, and effects of undetected errors, against dense formulas.
 
 
 ALPHA = 0.001

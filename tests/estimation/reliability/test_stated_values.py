@@ -1,4 +1,4 @@
-"""Which mistake makes a number so many times too large: in words, or none."""
+"""Explanation of wrong values in words, by the factor of the mistake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is predicted of lengths, to first and to second order, is what moved observations do."""
+"""Predicted accuracy of lengths, to first and second order, against moved observations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many draws of one photo: the same minima as of other solvers, and honest covariances."""
+"""Adjustment of one photo for many draws: minima and covariances against other solvers."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def test_pixels_meet_the_ground_where_the_points_stand() -> None:
     assert np.abs(place[0] - scene.ends_m).max() < 8 * 0.8 * HEIGHT_M / 2250
 
 
-# The batch comes to rest where the program itself does, to a millionth of a sigma.
+# Batched adjustment against the survey's own, to a millionth of a sigma.
 
 
 ENDS = ((-9.0, -6.0), (8.0, -7.0), (9.0, 6.0), (-8.0, 7.0), (0.5, -1.0), (2.0, 3.0))

@@ -126,7 +126,7 @@ def test_between_undoes_a_move() -> None:
     )
 
 
-# The likelihood of many states at once is that of each.
+# Likelihood of many states at once, against that of each.
 
 
 def problem_of(scene: Scene) -> tuple[SurveyProblem, State]:

@@ -104,7 +104,7 @@ def test_a_camera_is_placed_though_a_third_of_its_points_are_wrong() -> None:
     np.testing.assert_allclose(found[1], rotation, atol=1e-7)
 
 
-# A camera that hovers only turns: no base, but one pose for all that it sees.
+# Rotation of a hovering camera: two views without a base.
 
 
 NOISE_RAD = 1e-4

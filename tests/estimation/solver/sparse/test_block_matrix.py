@@ -1,4 +1,4 @@
-"""Sums of products by group equal those of a loop, whatever the groups and the chunks."""
+"""Sums of products by group against a loop, for any groups and chunks."""
 
 from __future__ import annotations
 
