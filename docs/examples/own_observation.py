@@ -11,8 +11,13 @@ from pathlib import Path
 import numpy as np
 
 import uavgram
-from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS, KNOWN_KINDS
-from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
+from uavgram.estimation.survey.known_kinds import (
+    ALL_KINDS,
+    KNOWN_KINDS,
+    AlikeThings,
+    KnownKind,
+    KnownResiduals,
+)
 
 
 class LongerBy(KnownKind):

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 import poselib
 
-from uavgram.estimation.first_poses.pose_problem import LineRows
+from uavgram.estimation.first_poses.resection import LineRows
 from uavgram.model.arrays import Bools, Floats
 from uavgram.synthetic.pose_methods import Starts, make_line_rows
 from uavgram.synthetic.single_photos import MethodScenes

@@ -27,15 +27,15 @@ from scenes import make_scene
 from scipy.stats import binom, chi2, norm
 from whole_surveys import with_all
 
-from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.reliability import test_statistics as module
+from uavgram.estimation.first_poses.first_values import FirstValues
+from uavgram.estimation.reliability import redundancy as module
 from uavgram.estimation.reliability.data_snooping import find_suspicions
 from uavgram.estimation.reliability.redundancy import (
     Reliability,
     compute_critical_value,
     compute_reliability,
+    compute_test_statistics,
 )
-from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observations.observation import Member

@@ -15,11 +15,14 @@ from scipy.stats import binom, chi2
 
 from uavgram.estimation.calibration import adjustment
 from uavgram.estimation.calibration.adjustment import Normals, UndeterminedError, adjust
-from uavgram.estimation.calibration.difference import compare_cameras
-from uavgram.estimation.calibration.outliers import drop_unweighted, remove_outliers
 from uavgram.estimation.calibration.problem import Lens, Linearisation, make_lens, pad
-from uavgram.estimation.calibration.projection_uncertainty import compute_projection_covariance
-from uavgram.estimation.calibration.reliability import compute_photo_tests, estimate_photo_effect
+from uavgram.estimation.calibration.projection import compare_cameras, compute_projection_covariance
+from uavgram.estimation.calibration.reliability import (
+    compute_photo_tests,
+    drop_unweighted,
+    estimate_photo_effect,
+    remove_outliers,
+)
 from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.geometry.camera.projection import back_project, project, project_with_jacobian
 from uavgram.model.arrays import Floats

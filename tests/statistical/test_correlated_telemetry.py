@@ -16,7 +16,7 @@ import pytest
 from scenes import make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
+from uavgram.estimation.survey.observations.telemetry import compute_trend_inflation
 from uavgram.geometry.ground import measurements
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions, TelemetryOptions

@@ -16,7 +16,7 @@ from scenes import make_scene
 from scipy.stats import chi2
 
 from uavgram.estimation.solver.levenberg_marquardt import minimise
-from uavgram.estimation.survey.known_kinds import on_line
+from uavgram.estimation.survey import known_kinds
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.unknowns import advance_state
@@ -76,6 +76,6 @@ def test_points_that_count_as_independent_break_the_bounds(monkeypatch: pytest.M
     def independent(by_ends: Floats, sigma_m: Floats, own_m: float) -> Floats:
         return np.diag(np.diag(right(by_ends, sigma_m, own_m)))
 
-    monkeypatch.setattr(on_line, "compute_joint_covariance", independent)
+    monkeypatch.setattr(known_kinds, "compute_joint_covariance", independent)
 
     assert not is_honest(*squares()[1])

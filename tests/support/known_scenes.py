@@ -9,7 +9,7 @@ import numpy as np
 from scenes import PIXEL_SIGMA, Scene, cv_pixels, make_scene
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
+from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownThing, LinePosition

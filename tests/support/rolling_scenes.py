@@ -9,7 +9,7 @@ from scenes import GIMBAL_FROM_CAMERA, INTRINSICS, LEVER_ARM, PIXEL_SIGMA, Scene
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.likelihood import compute_covariance_root
-from uavgram.estimation.survey.rolling import add_readout
+from uavgram.estimation.survey.observed import add_readout
 from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import Track
 

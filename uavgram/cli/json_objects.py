@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from uavgram.estimation.calibration.difference import CameraDifference
+    from uavgram.estimation.calibration.projection import CameraDifference
     from uavgram.model.message import Message
     from uavgram.model.result.result import Result
     from uavgram.pipeline.cameras.read import CameraRead

@@ -205,8 +205,8 @@ class TelemetryOptions(_Options):
     Errors of neighbouring frames are correlated over a time between the two of `correlation_s`, but
     the adjustment treats them as independent. The per-frame variances of a survey are therefore
     multiplied by the smallest factor with which the variance of its slowest change is not too small
-    (see estimation/survey/correlated_errors.py): 1 for a few frames, about their number / 2 pi for
-    more. Errors common to the whole flight are in the biases.
+    (see estimation/survey/observations/telemetry.py): 1 for a few frames, about their number / 2 pi
+    for more. Errors common to the whole flight are in the biases.
     """
 
     position_sigma_m: tuple[float, float] | Auto = "auto"

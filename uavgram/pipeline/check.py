@@ -9,7 +9,7 @@ from pathlib import Path
 
 from uavgram.config.project import PROJECT_FILE
 from uavgram.errors import near_miss
-from uavgram.estimation.survey.known_kinds.kinds import determine_scale
+from uavgram.estimation.survey.known_kinds import determine_scale
 from uavgram.model.message import Message, MessagePlural
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides, append_position_lines

@@ -10,9 +10,8 @@ import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
-from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
-from uavgram.estimation.survey.observed import Observations
-from uavgram.estimation.survey.rolling import add_readout
+from uavgram.estimation.survey.observations.telemetry import compute_trend_inflation
+from uavgram.estimation.survey.observed import Observations, add_readout
 from uavgram.geometry.motion.camera_motion import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.flight_log import Track

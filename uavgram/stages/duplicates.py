@@ -16,7 +16,7 @@ from unicodedata import normalize
 import numpy as np
 
 from uavgram.errors import alike
-from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.naming import listed, photo_name

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
+from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
 

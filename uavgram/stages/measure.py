@@ -13,7 +13,7 @@ from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.measuring.scale import MAX_RELATIVE_SIGMA, compute_scale_sigmas
 from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.ground_below import find_ground_below
+from uavgram.estimation.survey.ground_planes import find_ground_below
 from uavgram.geometry.ground.measurements import profile
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Frames

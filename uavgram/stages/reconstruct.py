@@ -6,8 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.departures import compute_departures, compute_heights
+from uavgram.estimation.survey.adjustment import Adjustment, compute_departures, compute_heights
 from uavgram.estimation.survey.neighbours import find_neighbours
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.figures import ELLIPSE_95, error_ellipse

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.estimation.first_poses.known_lines import compute_direct_poses, poses_from_lines
 from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
-from uavgram.estimation.first_poses.pose_problem import LineRows
+from uavgram.estimation.first_poses.resection import LineRows
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.geometry.camera.projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian, pose_above_plane

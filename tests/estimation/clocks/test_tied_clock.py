@@ -1,4 +1,4 @@
-"""A camera's clock from ties: where a flight turns it is told, where it goes straight it is not."""
+"""Offset of a camera's clock from ties: determined where a flight turns, refused where straight."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from derivatives import assert_derivative, central_differences
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.known_lines import make_rotations, poses_from_lines
-from uavgram.estimation.first_poses.pose_problem import LineRows, move_poses
+from uavgram.estimation.first_poses.resection import LineRows, move_poses
 from uavgram.estimation.solver.batched import ExplicitProblem, minimise_each
 from uavgram.synthetic.pose_methods import (
     LINES,

@@ -17,8 +17,7 @@ from uavgram.estimation.measuring.error_budget import (
 )
 from uavgram.estimation.measuring.propagation import MeasuredValues, compute_values, propagate
 from uavgram.estimation.measuring.second_order import compute_curvature
-from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.departures import compute_heights
+from uavgram.estimation.survey.adjustment import Adjustment, compute_heights
 from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import MeasurementKind, MeasurementRequest

@@ -1,4 +1,4 @@
-"""Which observations are suspected, and what no test can part from them."""
+"""Suspected observations, and those that no test separates from them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ from scipy.spatial.transform import Rotation
 from whole_surveys import with_all
 
 from uavgram.estimation.reliability.data_snooping import MIN_SUSPECT_REDUNDANCY, find_suspicions
-from uavgram.estimation.reliability.redundancy import compute_critical_value
-from uavgram.estimation.reliability.test_statistics import compute_test_statistics
+from uavgram.estimation.reliability.redundancy import (
+    compute_critical_value,
+    compute_test_statistics,
+)
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import ObservationNames
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import Track
 from uavgram.model.survey import Survey
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 ALPHA = 0.001
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
@@ -120,3 +124,25 @@ def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed() -> None:
 
 def test_a_clean_survey_is_not_suspected() -> None:
     assert suspected(make_scene(9, frames=6, noise=0.5).survey)[1] == []
+
+
+# Readings of almost no redundancy: not suspected, however large their test statistic.
+
+
+@pytest.mark.parametrize("seed", [5, 16, 24])
+def test_lengths_that_nothing_checks_are_not_blamed_for_relief(seed: int) -> None:
+    """One oblique photo of which all picks are a little off, as over uneven ground."""
+    scene = make_scene(seed, frames=1, labels=10, lines=7, gauge="plane", telemetry=False, tilt=1.0)
+    pixel = scene.survey.pixel_px
+    off = 4.0 * np.random.default_rng(seed).normal(size=pixel.shape)
+    survey = replace(scene.survey, pixel_px=pixel + off)
+    none = np.zeros(len(survey.line_start), dtype=np.bool_)
+    taking = Participants(survey, np.ones(len(pixel), dtype=np.bool_), none, {})
+    adjustment = find_best_minima(taking).adjustment
+    groups = compute_test_statistics(adjustment)
+    found = list(find_suspicions(adjustment, groups, 0.001))
+    assert found
+    for suspicion in found:
+        for one in (suspicion.suspect, *suspicion.group, *suspicion.rivals):
+            if one.kind in READINGS:
+                assert groups[one.kind].redundancy[one.row].max() > 0.02

@@ -12,7 +12,7 @@ from uavgram.estimation.reliability.hypotheses import (
     compare_hypotheses,
     compute_log_probability,
 )
-from uavgram.estimation.reliability.test_statistics import compute_reductions
+from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
 from uavgram.stages.refine.minima import Participants, find_best_minima

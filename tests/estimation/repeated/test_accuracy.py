@@ -1,4 +1,4 @@
-"""Ranges of bias, spread and shares: as scipy has them, and as often right as they say."""
+"""Intervals of bias, spread and shares, against scipy and by their coverage."""
 
 from __future__ import annotations
 

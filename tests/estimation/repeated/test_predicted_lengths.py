@@ -1,4 +1,4 @@
-"""What is predicted of lengths, to first and to second order, is what moved observations do."""
+"""Predicted accuracy of lengths, to first and second order, against moved observations."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.estimation.repeated.moved_errors import add_errors
-from uavgram.estimation.repeated.predicted_lengths import compute_slopes, predict_lengths
+from uavgram.estimation.repeated.predicted_lengths import (
+    add_errors,
+    compute_slopes,
+    predict_lengths,
+)
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.synthetic.single_photos import (
     StudyCell,

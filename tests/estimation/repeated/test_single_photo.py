@@ -1,8 +1,9 @@
-"""Many draws of one photo: the same minima as of other solvers, and honest covariances."""
+"""Adjustment of one photo for many draws: minima and covariances against other solvers."""
 
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,8 +14,18 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.moved import refit
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
+from uavgram.model.simulation import PhotoDesign, PhotoDraws
+from uavgram.model.survey import Survey
+from uavgram.pipeline.measure.compute import assemble_survey
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.stages.refine import refine
+from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
+from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario
+from uavgram.synthetic.survey import make_inputs, simulate
 
 
 @pytest.mark.parametrize(("slope", "joined"), [(False, False), (True, False), (True, True)])
@@ -103,3 +114,118 @@ def test_pixels_meet_the_ground_where_the_points_stand() -> None:
     place = intersect_ground(scene.design, scene.draws, pose)
     # A pixel is HEIGHT_M / 2250 m: the draw's noise, five sigmas of it on tilted ground.
     assert np.abs(place[0] - scene.ends_m).max() < 8 * 0.8 * HEIGHT_M / 2250
+
+
+# Batched adjustment against the survey's own, to a millionth of a sigma.
+
+
+ENDS = ((-9.0, -6.0), (8.0, -7.0), (9.0, 6.0), (-8.0, 7.0), (0.5, -1.0), (2.0, 3.0))
+LINES = (("A", "B"), ("B", "C"), ("C", "D"), ("D", "A"), ("E", "F"), ("A", "E"))
+EXACT = 1e-7
+"""Sigma of what the batch takes as known: metres, radians, seconds."""
+
+
+CAMERA_SIGMA = (30.0, 30.0, 20.0, 20.0, 0.02, 0.01, 1e-3, 1e-3, 0.004)
+TAPE_SCALE = 0.003
+
+
+def scenario(sigma: tuple[float, ...]) -> Scenario:
+    points = tuple(
+        ScenePoint(label=label, x_m=x, y_m=y) for label, (x, y) in zip("ABCDEF", ENDS, strict=True)
+    )
+    lines = tuple(SceneLine(name=a + b, start=a, end=b) for a, b in LINES)
+    return replace(
+        Scenario(),
+        flight=FlightPlan(pattern="single", gimbal_pitch_deg=-75.0, height_m=35.0),
+        camera=replace(CameraSpec(), sigma=sigma),
+        points=points,
+        lines=lines,
+        measurements=(),
+    )
+
+
+def known_but_the_pose(survey: Survey, *, shared: bool) -> Survey:
+    """The survey with everything as good as known that the batch takes as known."""
+    assert survey.telemetry is not None
+    telemetry = replace(
+        survey.telemetry,
+        clock_sigma_s=EXACT,
+        clock_drift_sigma=1e-12,
+        boresight_sigma_rad=EXACT,
+        heading_bias_sigma_rad=EXACT,
+        lever_arm_sigma_m=EXACT,
+        position_bias_sigma_m=np.full(3, EXACT),
+    )
+    ground = survey.ground
+    if not shared:
+        ground = replace(ground, height_sigma_m=EXACT, slope_sigma_rad=EXACT / 30)
+    calibration = survey.calibration
+    if not shared:
+        calibration = replace(calibration, covariance=np.zeros((9, 9)))
+    return replace(
+        survey,
+        telemetry=telemetry,
+        grounds=(ground,),
+        calibration=calibration,
+        tape_scale_sigma=TAPE_SCALE if shared else 0.0,
+        rolling=None,
+    )
+
+
+def adjusted(repetition: int, *, shared: bool) -> tuple[Survey, Adjustment]:
+    drawn = scenario(CAMERA_SIGMA if shared else (1e-9,) * 9)
+    inputs = make_inputs(simulate(drawn, repetition=repetition))
+    survey = assemble_survey(inputs, pose_frames(inputs)).survey
+    survey = known_but_the_pose(survey, shared=shared)
+    options = dataclasses.replace(inputs.project.solve, noise="stated", significance=1e-12)
+    return survey, refine(survey, options)[0].adjustment
+
+
+def root_of_plane(adjustment: Adjustment) -> Floats:
+    """What height and slopes at the pivot of the program's plane do to a plane's numbers."""
+    ground, (east, north) = adjustment.survey.ground, adjustment.problem.ground.pivot_m[0]
+    assert ground.height_sigma_m > 0.2
+    height, slope = ground.height_sigma_m, ground.slope_sigma_rad
+    return np.array([[height, -slope * east, -slope * north], [0, slope, 0], [0, 0, slope]])
+
+
+def root_of(covariance: Floats) -> Floats:
+    return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT001
+    for repetition in range(3):
+        survey, adjustment = adjusted(repetition, shared=shared)
+        assert survey.seeds is not None
+        assert survey.telemetry is not None
+        order, label = np.argsort(survey.pick_label), np.arange(len(survey.label))
+        design = PhotoDesign(
+            calibration=survey.calibration,
+            height_m=np.zeros(len(survey.label)),
+            line=np.column_stack([survey.line_start, survey.line_end]),
+            pixel_sigma_px=survey.pick_sigma_px[order],
+            length_sigma_m=survey.length_sigma_m,
+            information=np.linalg.inv(survey.telemetry.covariance[0]),
+            camera_root=root_of(survey.calibration.covariance) if shared else None,
+            ground_root=root_of_plane(adjustment) if shared else None,
+            tape_scale_sigma=survey.tape_scale_sigma,
+        )
+        draws = PhotoDraws(
+            pixel_px=survey.pixel_px[order][None],
+            length_m=survey.length_m[None],
+            center_world_m=survey.seeds.center_world_m[:1],
+            world_from_camera=survey.seeds.world_from_camera[:1],
+            ground=np.array([[survey.ground.height_m, 0.0, 0.0]]),
+        )
+        found = adjust_photos(design, draws)
+        assert found.converged.all()
+        # The program stops at steps of 1e-5 sigmas: a few more of its own.
+        state = refit(adjustment, {}, at_rest=1e-20)
+        assert state is not None
+        turned = log_so3(state.rotation[0].T @ found.world_from_camera[0])
+        off = np.concatenate([found.center_world_m[0] - state.center[0], turned])
+        sigma = np.sqrt(np.diag(found.covariance[0]))
+        assert np.abs(off / sigma).max() < 1e-6
+        ends = np.abs(found.place_m[0] - adjustment.problem.world_points(state, label)[0])
+        assert ends.max() < 1e-6 * 0.01

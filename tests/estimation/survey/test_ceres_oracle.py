@@ -14,7 +14,7 @@ from scenes import make_scene
 
 from uavgram.estimation.solver.normal_equations import NormalEquations
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
+from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.observations import KnownThing

@@ -12,7 +12,7 @@ from scenes import Scene, make_scene
 from uavgram.estimation.measuring.predicted_pixels import predict_pixels
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.rolling import add_readout
+from uavgram.estimation.survey.observed import add_readout
 from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.geometry.motion.camera_motion import camera_motion

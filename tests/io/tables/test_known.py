@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
+from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.io.tables.known import read_control_lines, read_known, read_lines
 from uavgram.io.tables.updates import update_lines
 from uavgram.model.observations import STRAIGHTNESS_M, ControlLines, KnownThings

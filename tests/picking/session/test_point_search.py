@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
+from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.least_squares import REASON_TEXTS, Matches, RefusalReason
 from uavgram.imaging.photos.cache import GreyPhotos

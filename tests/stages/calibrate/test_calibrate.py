@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration import outliers
+from uavgram.estimation.calibration import reliability
 from uavgram.estimation.calibration.adjustment import UndeterminedError
-from uavgram.estimation.calibration.outliers import CleanedFit
 from uavgram.estimation.calibration.problem import Corners, Lens, State
-from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
+from uavgram.estimation.calibration.projection import compute_length_sigmas
+from uavgram.estimation.calibration.reliability import CleanedFit
 from uavgram.model.board import (
     BoardObservations,
     CalibrationOptions,
@@ -129,7 +129,7 @@ def test_candidates_that_the_photos_leave_undetermined_drop_out(
         count = np.count_nonzero(np.abs(lens.basis).sum(axis=1)) - 4
         if count in lost:
             raise UndeterminedError(f"the photos do not determine k{count}")
-        return outliers.remove_outliers(lens, *arguments)
+        return reliability.remove_outliers(lens, *arguments)
 
     monkeypatch.setattr(choice, "remove_outliers", snoop)
     monkeypatch.setattr(choice, "choose_simplest", lambda held: len(held) - 1)

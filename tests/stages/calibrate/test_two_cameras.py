@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.outliers import CleanedFit, adjust_scaled
+from uavgram.estimation.calibration.adjustment import HeldOut
 from uavgram.estimation.calibration.problem import State, make_lens, pad
-from uavgram.estimation.calibration.reliability import compute_photo_tests, estimate_photo_effect
+from uavgram.estimation.calibration.reliability import (
+    CleanedFit,
+    adjust_scaled,
+    compute_photo_tests,
+    estimate_photo_effect,
+)
 from uavgram.estimation.calibration.two_cameras import find_best_split
-from uavgram.estimation.calibration.validation import HeldOut
 from uavgram.model.arrays import Floats
 from uavgram.model.board import BoardObservations, CalibrationOptions
 from uavgram.stages.calibrate import two_cameras

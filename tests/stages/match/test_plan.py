@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
+from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.stages.match import (
     CONTRADICTED,
     REGION_SQUARED,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scenes import Scene
 
-from uavgram.estimation.first_poses.homography import find_second_pose
-from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.first_poses.first_values import FirstValues
+from uavgram.estimation.first_poses.resection import find_second_pose
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import minima

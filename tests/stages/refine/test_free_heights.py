@@ -7,8 +7,7 @@ import pytest
 from off_ground import with_third_coordinates
 from scenes import make_scene
 
-from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
-from uavgram.estimation.survey.departures import compute_heights
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, compute_heights
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine

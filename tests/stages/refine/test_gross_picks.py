@@ -10,7 +10,7 @@ import pytest
 from place_only_scenes import PlaceOnly, place_only
 
 from uavgram.estimation.reliability.data_snooping import find_suspicions
-from uavgram.estimation.reliability.test_statistics import compute_test_statistics
+from uavgram.estimation.reliability.redundancy import compute_test_statistics
 from uavgram.model.options import GroundOptions, SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine

@@ -16,8 +16,7 @@ from scenes import Scene, make_scene
 from tied_flights import Conditions, tied_flight
 from tied_surveys import TiedSurvey, tied_survey
 
-from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.departures import compute_heights
+from uavgram.estimation.survey.adjustment import Refined, compute_heights
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.result import Result

@@ -11,7 +11,7 @@ from off_ground import with_third_coordinates
 from scenes import Scene, make_scene
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.network import find_seen_lines
+from uavgram.estimation.first_poses.first_values import find_seen_lines
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavgram.estimation.measuring.transferred_pixels import (
+from uavgram.estimation.measuring.predicted_pixels import (
     PickedPixels,
     TransferredPixels,
     transfer_pixels,

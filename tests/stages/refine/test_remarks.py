@@ -8,7 +8,7 @@ import numpy as np
 from rolling_scenes import read_in_rows
 from scenes import make_scene
 
-from uavgram.estimation.survey.rolling import add_readout
+from uavgram.estimation.survey.observed import add_readout
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.remarks import report_learnt

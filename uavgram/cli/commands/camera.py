@@ -131,7 +131,7 @@ def _show(read: CameraRead) -> list[str]:
 
 def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bool) -> None:
     from uavgram.cli.json_objects import difference_object
-    from uavgram.estimation.calibration.difference import compare_cameras
+    from uavgram.estimation.calibration.projection import compare_cameras
     from uavgram.pipeline.cameras.read import read_camera
     from uavgram.views.calibration.text import difference_lines
     from uavgram.views.terminal import message_lines

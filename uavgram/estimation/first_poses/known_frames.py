@@ -8,13 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.homography import (
-    Pose,
-    find_second_pose,
-    refine_pose,
-    resect_from_plane,
-)
-from uavgram.estimation.first_poses.network import SeenLines, find_seen_lines, has_known_height
+from uavgram.estimation.first_poses.first_values import SeenLines, find_seen_lines, has_known_height
 from uavgram.estimation.first_poses.plane_search import (
     SCALED_KINDS,
     KnownPlanes,
@@ -22,7 +16,13 @@ from uavgram.estimation.first_poses.plane_search import (
     count_rows,
     search_known_planes,
 )
-from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.first_poses.resection import (
+    Pose,
+    find_second_pose,
+    refine_pose,
+    resect_from_plane,
+)
+from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.geometry.ground.plane import intersect_ground, pose_above_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import KnownThing

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
-from uavgram.estimation.first_poses.network import estimate_ground_height, has_known_height
-from uavgram.estimation.first_poses.pose_problem import LineRows, move_poses
+from uavgram.estimation.first_poses.first_values import estimate_ground_height, has_known_height
+from uavgram.estimation.first_poses.resection import LineRows, move_poses
 from uavgram.estimation.solver.batched import ExplicitProblem, Minima, minimise_each
 from uavgram.geometry.camera.projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import factor_homographies

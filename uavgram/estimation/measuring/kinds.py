@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.estimation.survey.ground_below import find_ground_below
+from uavgram.estimation.survey.ground_planes import find_ground_below
 from uavgram.geometry.ground import measurements
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
-from uavgram.estimation.reliability.test_statistics import TestedGroup, compute_cofactors
+from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY, TestedGroup, compute_cofactors
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind

@@ -16,8 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
-from uavgram.estimation.reliability.redundancy import compute_level, compute_noncentrality
-from uavgram.estimation.reliability.test_statistics import TestedGroup
+from uavgram.estimation.reliability.redundancy import (
+    TestedGroup,
+    compute_level,
+    compute_noncentrality,
+)
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats, Ints
 

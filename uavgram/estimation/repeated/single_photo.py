@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.repeated.common_errors import count_common_errors
 from uavgram.estimation.repeated.photo_step import (
     Draws,
     PhotoLinearisation,
     State,
     apply_step,
     compute_places,
+    count_common_errors,
     linearise,
     put_draws_last,
     rotate,

@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
-from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.ground import ThirdCoordinate
 from uavgram.estimation.survey.observations.kinds import list_observations
 from uavgram.estimation.survey.observations.known import find_things_of_rows

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
+from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.measure import POINT_COUNTS, read_parameters, read_points, request_fault
 from uavgram.model.arrays import Floats

@@ -12,10 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.first_points import find_seen_labels
-from uavgram.estimation.reliability.test_statistics import compute_reductions
-from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
-from uavgram.estimation.survey.departures import compute_heights_at
+from uavgram.estimation.first_poses.first_values import find_seen_labels
+from uavgram.estimation.reliability.redundancy import compute_reductions
+from uavgram.estimation.survey.adjustment import (
+    Adjustment,
+    LeftOutCause,
+    Refined,
+    compute_heights_at,
+)
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
 from uavgram.model.survey import Survey

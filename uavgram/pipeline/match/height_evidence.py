@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.measuring.transferred_pixels import PickedPixels, transfer_between_picks
+from uavgram.estimation.measuring.predicted_pixels import PickedPixels, transfer_between_picks
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
 from uavgram.model.arrays import Floats

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.measuring.predicted_pixels import FlightOfPhotos
-from uavgram.estimation.measuring.transferred_pixels import (
+from uavgram.estimation.measuring.predicted_pixels import (
+    FlightOfPhotos,
     PickedPixels,
     TransferredPixels,
     transfer_pixels,

@@ -23,8 +23,7 @@ from uavgram.estimation.measuring.predicted_pixels import (
 )
 from uavgram.estimation.measuring.propagation import compute_values
 from uavgram.estimation.measuring.scale import LineAdvice, find_next_line
-from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.departures import compute_heights_at
+from uavgram.estimation.survey.adjustment import Adjustment, compute_heights_at
 from uavgram.estimation.survey.observations.lengths import select_taped_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats

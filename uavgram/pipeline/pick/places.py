@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.measuring.predicted_pixels import predict_known_points
-from uavgram.estimation.measuring.transferred_pixels import (
+from uavgram.estimation.measuring.predicted_pixels import (
     PickedPixels,
     TransferredPixels,
+    predict_known_points,
     transfer_pixels,
 )
 from uavgram.estimation.solver.normal_equations import SingularError

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
+from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.ties import Features, read_features
 from uavgram.model.arrays import Floats

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.adjustment import Fit
-from uavgram.estimation.calibration.outliers import CleanedFit, drop_unweighted
+from uavgram.estimation.calibration.adjustment import Fit, HeldOut, cross_validate
 from uavgram.estimation.calibration.problem import Corners
-from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
+from uavgram.estimation.calibration.projection import compute_length_sigmas
 from uavgram.estimation.calibration.reliability import (
+    CleanedFit,
     PhotoEffect,
     compute_photo_tests,
+    drop_unweighted,
     estimate_common_error,
     estimate_photo_effect,
 )
-from uavgram.estimation.calibration.validation import HeldOut, cross_validate
 from uavgram.model.arrays import Bools
 from uavgram.model.board import (
     BoardObservations,

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.calibration.outliers import remove_outliers
 from uavgram.estimation.calibration.problem import Corners, make_lens, pad
+from uavgram.estimation.calibration.reliability import remove_outliers
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.model.board import (
     BoardObservations,

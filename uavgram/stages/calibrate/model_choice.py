@@ -11,17 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust
-from uavgram.estimation.calibration.outliers import CleanedFit, remove_outliers
-from uavgram.estimation.calibration.problem import Corners, State, make_lens
-from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
-from uavgram.estimation.calibration.start import choose_better_pose, estimate_first_values
-from uavgram.estimation.calibration.validation import (
+from uavgram.estimation.calibration.adjustment import (
+    Fit,
     HeldOut,
+    UndeterminedError,
+    adjust,
     choose_simplest,
     compute_information_criteria,
     cross_validate,
 )
+from uavgram.estimation.calibration.problem import Corners, State, make_lens
+from uavgram.estimation.calibration.projection import compute_length_sigmas
+from uavgram.estimation.calibration.reliability import CleanedFit, remove_outliers
+from uavgram.estimation.calibration.start import choose_better_pose, estimate_first_values
 from uavgram.model.board import BoardObservations, CalibrationOptions, ModelScore, parameter_count
 from uavgram.model.camera import LensModel
 from uavgram.stages.calibrate.assessment import AssessedCalibration, judge

@@ -9,7 +9,6 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import eliminate_poses, fit_poses
 from uavgram.estimation.calibration.network import CELL_COUNTS, compute_tilts, map_residuals
-from uavgram.estimation.calibration.outliers import MAX_RELATIVE_RESIDUAL
 from uavgram.estimation.calibration.problem import (
     Corners,
     Linearisation,
@@ -17,11 +16,11 @@ from uavgram.estimation.calibration.problem import (
     compute_board_middle,
     linearise,
 )
-from uavgram.estimation.calibration.projection_uncertainty import (
+from uavgram.estimation.calibration.projection import (
     compute_projection_covariance,
     compute_worst_sigma,
 )
-from uavgram.estimation.calibration.reliability import compute_corner_tests
+from uavgram.estimation.calibration.reliability import MAX_RELATIVE_RESIDUAL, compute_corner_tests
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.board import CornerResults, ImageMaps, PhotoResults, Status

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.known import compute_known_rows, describe_thing
 from uavgram.geometry.ground.conditions import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.reliability.test_statistics import TestedGroup
+from uavgram.estimation.reliability.redundancy import TestedGroup
 from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats

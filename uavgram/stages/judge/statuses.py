@@ -6,8 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
-from uavgram.estimation.reliability.test_statistics import TestedGroup
+from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY, TestedGroup
 from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Bools, Floats

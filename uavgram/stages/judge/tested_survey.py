@@ -16,10 +16,10 @@ from uavgram.estimation.reliability.external import (
     compute_external_reliability,
 )
 from uavgram.estimation.reliability.hypotheses import adjust_without
-from uavgram.estimation.reliability.redundancy import compute_critical_value
-from uavgram.estimation.reliability.test_statistics import (
+from uavgram.estimation.reliability.redundancy import (
     TestedGroup,
     compute_cofactors,
+    compute_critical_value,
     compute_test_statistics,
 )
 from uavgram.estimation.survey.adjustment import Adjustment, Refined

@@ -24,9 +24,9 @@ from scipy.special import chdtri
 from uavgram.estimation.reliability.redundancy import (
     GROSS_SIGMAS,
     MAX_GROSS_SHARE,
+    compute_cofactors,
     limit_gross_errors,
 )
-from uavgram.estimation.reliability.test_statistics import compute_cofactors
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from uavgram.estimation.reliability.data_snooping import find_suspicions
-from uavgram.estimation.reliability.test_statistics import compute_test_statistics
+from uavgram.estimation.reliability.redundancy import compute_test_statistics
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.observations.observation import Suspicion
 

@@ -12,23 +12,23 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.first_points import add_free_points
-from uavgram.estimation.first_poses.homography import Pose
-from uavgram.estimation.first_poses.known_frames import PlaneNetwork, align_in_plane
-from uavgram.estimation.first_poses.network import (
+from uavgram.estimation.first_poses.first_values import (
     FirstValues,
+    add_free_points,
     count_lines_per_frame,
     estimate_ground_height,
     estimate_length_poses,
     intersect_seed_rays,
 )
-from uavgram.estimation.first_poses.prior_gate import (
+from uavgram.estimation.first_poses.known_frames import PlaneNetwork, align_in_plane
+from uavgram.estimation.first_poses.length_poses import (
     compare_with_seed,
     find_allowed,
     move_seed_to_plane,
 )
+from uavgram.estimation.first_poses.resection import Pose
 from uavgram.estimation.first_poses.tied.two_views import add_turned_frames
-from uavgram.estimation.reliability.test_statistics import compute_cofactors
+from uavgram.estimation.reliability.redundancy import compute_cofactors
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.selection import replace_matches_by_picks
 from uavgram.geometry.camera.projection import back_project

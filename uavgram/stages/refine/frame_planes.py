@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 from scipy.special import chdtri
 
+from uavgram.estimation.first_poses.first_values import count_lines_per_frame, estimate_length_poses
 from uavgram.estimation.first_poses.known_frames import (
     FrameThings,
     find_frame_things,
     find_known_planes,
 )
-from uavgram.estimation.first_poses.network import count_lines_per_frame, estimate_length_poses
-from uavgram.estimation.first_poses.prior_gate import OUTSIDE_PROBABILITY
+from uavgram.estimation.first_poses.length_poses import OUTSIDE_PROBABILITY
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey import Survey
 

@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 
 from uavgram.estimation.reliability.stated_values import describe_displacement, explain_coordinates
-from uavgram.estimation.survey.adjustment import LeftOutRows, Refined, Removal
-from uavgram.estimation.survey.departures import compute_heights
+from uavgram.estimation.survey.adjustment import LeftOutRows, Refined, Removal, compute_heights
 from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_lines
 from uavgram.estimation.survey.observations.observation import Member, Suspicion

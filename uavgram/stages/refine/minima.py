@@ -12,9 +12,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.first_points import add_first_ties
+from uavgram.estimation.first_poses.first_values import FirstValues, add_first_ties
 from uavgram.estimation.first_poses.known_frames import align_in_plane
-from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.measuring.scale import describe_line_faults
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError

@@ -14,9 +14,9 @@ from uavgram.estimation.reliability.hypotheses import compute_log_probability
 from uavgram.estimation.reliability.redundancy import (
     compute_core_fit,
     compute_level,
+    compute_reductions,
     compute_upper_tail,
 )
-from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints

@@ -17,16 +17,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.first_points import find_seen_labels
+from uavgram.estimation.first_poses.first_values import find_seen_labels
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import (
     Adjustment,
     Placed,
     Refined,
+    compute_heights,
     compute_relative_covariance,
 )
-from uavgram.estimation.survey.departures import compute_heights
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal

@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.first_values import find_seen_lines
 from uavgram.estimation.first_poses.known_frames import count_known_rows
-from uavgram.estimation.first_poses.network import find_seen_lines
 from uavgram.estimation.measuring.scale import (
     DistanceChanges,
     compute_distance_changes,

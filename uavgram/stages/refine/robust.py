@@ -19,11 +19,15 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.consensus import MIN_PICKS, find_consensus
-from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.reliability.redundancy import GROSS_SIGMAS, MAX_GROSS_SHARE
+from uavgram.estimation.first_poses.first_values import FirstValues
+from uavgram.estimation.first_poses.resection import MIN_PICKS, find_consensus
+from uavgram.estimation.reliability.redundancy import (
+    GROSS_SIGMAS,
+    MAX_GROSS_SHARE,
+    compute_cofactors,
+    reduce_squares,
+)
 from uavgram.estimation.reliability.stated_values import explain_length
-from uavgram.estimation.reliability.test_statistics import compute_cofactors, reduce_squares
 from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem

@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.rolling import (
+from uavgram.estimation.survey.observed import (
     GLOBAL_SHUTTER,
     MIN_SHIFT_PX,
     add_readout,

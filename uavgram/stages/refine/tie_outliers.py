@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.reliability.test_statistics import compute_reductions
+from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.reliability.variance_components import VarianceComponent, estimate_single
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment

@@ -6,10 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.first_points import MIN_LABELS, find_seen_labels
-from uavgram.estimation.first_poses.network import estimate_ground_height, has_known_height
-from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_tied_rays
-from uavgram.estimation.first_poses.tied.placing import level_scene, transform
+from uavgram.estimation.first_poses.first_values import (
+    MIN_LABELS,
+    estimate_ground_height,
+    find_seen_labels,
+    has_known_height,
+)
+from uavgram.estimation.first_poses.tied.bundle import (
+    TiedPoses,
+    compute_tied_rays,
+    level_scene,
+    transform,
+)
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.estimation.survey.selection import remove_ties
 from uavgram.geometry.camera.projection import back_project

@@ -13,8 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.heading_search import PlanPoints, search_headings
-from uavgram.estimation.first_poses.tied.bundle import compute_tied_rays
-from uavgram.estimation.first_poses.tied.placing import fit_to_positions
+from uavgram.estimation.first_poses.tied.bundle import compute_tied_rays, fit_to_positions
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground

@@ -7,8 +7,7 @@ import numpy as np
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import to_boot
 from uavgram.estimation.clocks.tied_clock import TiedClock, estimate_tied_clock
-from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_rays
-from uavgram.estimation.first_poses.tied.placing import level_scene
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_rays, level_scene
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from uavgram.estimation.calibration.difference import CameraDifference
+from uavgram.estimation.calibration.projection import CameraDifference
 from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.model.arrays import Floats
 from uavgram.model.board import CalibrationAccount, CalibrationResult

@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from tied_flights import TWENTY, Conditions, TiedFlight, errors_of, tied_flight
 
-from uavgram.estimation.first_poses.tied.bundle import TiedPoses
-from uavgram.estimation.first_poses.tied.placing import fit_to_positions, level_scene, transform
+from uavgram.estimation.first_poses.tied.bundle import (
+    TiedPoses,
+    fit_to_positions,
+    level_scene,
+    transform,
+)
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.geometry.motion.rotation import exp_so3
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.pose_problem import compute_across_axes
+from uavgram.estimation.first_poses.resection import compute_across_axes
 from uavgram.estimation.first_poses.tied.bundle import TiedRays, compute_tied_rays
 from uavgram.estimation.first_poses.tied.minimal_solvers import compute_essential_matrices
 from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_trimmed

@@ -10,8 +10,7 @@ import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownResiduals
+from uavgram.estimation.survey.known_kinds import ALL_KINDS, AlikeThings, KnownResiduals
 from uavgram.estimation.survey.observations.observation import (
     Kind,
     Member,

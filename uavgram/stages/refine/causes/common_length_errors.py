@@ -20,7 +20,7 @@ from uavgram.estimation.reliability.hypotheses import (
     ObservationChange,
     compare_hypotheses,
 )
-from uavgram.estimation.reliability.test_statistics import compute_reductions
+from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import select_taped_lines
 from uavgram.model.arrays import Floats, Ints

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.first_poses.resection import resect_from_plane
 from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal

@@ -11,10 +11,10 @@ from uavgram.estimation.reliability.hypotheses import (
 )
 from uavgram.estimation.reliability.redundancy import (
     compute_core_fit,
+    compute_reductions,
     compute_redundancy,
     compute_upper_tail,
 )
-from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.stages.refine.causes.common_length_errors import has_common_misfit
 from uavgram.stages.refine.causes.flight_log import find_turn_by_places, list_prior_hypotheses

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.first_poses.consensus import (
+from uavgram.estimation.first_poses.resection import (
     AGREEMENT_SIGMAS,
     MIN_PICKS,
     find_consensus,
     project_plane,
+    resect_from_plane,
 )
-from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.geometry.camera.projection import back_project, project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.stages.refine.causes.hypothesis import Diagnosis

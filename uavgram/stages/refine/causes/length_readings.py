@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
+from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, UNITS
-from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message

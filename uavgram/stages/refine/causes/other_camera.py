@@ -8,8 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.first_poses.consensus import MIN_PICKS, project_plane
-from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.first_poses.resection import MIN_PICKS, project_plane, resect_from_plane
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,

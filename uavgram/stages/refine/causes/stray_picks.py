@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.test_statistics import compute_cofactors, compute_reductions
+from uavgram.estimation.reliability.redundancy import compute_cofactors, compute_reductions
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.causes.hypothesis import Diagnosis

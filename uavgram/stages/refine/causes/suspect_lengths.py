@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.reliability.test_statistics import compute_reductions
+from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import (
     TapedLengths,

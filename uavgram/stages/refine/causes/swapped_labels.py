@@ -13,8 +13,7 @@ from functools import partial
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
-from uavgram.estimation.reliability.redundancy import compute_core_fit
-from uavgram.estimation.reliability.test_statistics import compute_reductions
+from uavgram.estimation.reliability.redundancy import compute_core_fit, compute_reductions
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural

@@ -8,8 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.consensus import AGREEMENT_SIGMAS, MIN_PICKS, project_plane
-from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.first_poses.resection import (
+    AGREEMENT_SIGMAS,
+    MIN_PICKS,
+    project_plane,
+    resect_from_plane,
+)
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.adjustment import LeftOutCause
 from uavgram.geometry.camera.projection import back_project

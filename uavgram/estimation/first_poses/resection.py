@@ -1,0 +1,320 @@
+"""Poses of photos from known points, by maximum likelihood, and the picks that agree on one pose.
+
+`minimise_each` (`estimation.solver.batched`) solves the problem for B photos together. The unknowns
+are the pose of each photo. The observations are:
+
+* `LineRows`: rays that end on lines of known position, the points eliminated beforehand;
+* `make_ray_problem`: rays to points of known position.
+
+Photos whose picks are observations of ground points are adjusted in
+`estimation/repeated/single_photo.py`.
+
+Consensus of the smallest sets of picks that determine a pose (Fischler and Bolles 1981, "Random
+sample consensus"), here all of these sets or a fixed sample.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_each
+from uavgram.geometry.ground.plane import factor_homographies, make_homography_rows, mirror_plane
+from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.model.arrays import Bools, Floats, Ints
+
+
+def move_poses(state: State, step: Floats) -> State:
+    """Apply steps (b, 6), centre [m] and rotation behind that of the photo [rad], to poses."""
+    return state[0] + step[:, :3], state[1] @ exp_so3(step[:, 3:])
+
+
+class LineRows(NamedTuple):
+    """Picks on lines, N in each of B photos, over ground at z = 0.
+
+    Attributes
+    ----------
+    ray
+        (B, N, 3) undistorted, z = 1.
+    ray_root
+        (B, N, 2, 2) L with L L^T the covariance of x and y of each ray.
+    start_m, along
+        (B, N, 2) a place on the line of each, and the line's unit vector.
+    sigma_m
+        (B, N) sigma of the line's place, perpendicular to it.
+    """
+
+    ray: Floats
+    ray_root: Floats
+    start_m: Floats
+    along: Floats
+    sigma_m: Floats
+
+    def of_photos(self, photo: Ints) -> LineRows:
+        """Return the rows of photos (b,), which may repeat."""
+        return LineRows(*(column[photo] for column in self))
+
+    @property
+    def across(self) -> Floats:
+        """(B, N, 2) unit vectors perpendicular to the lines, to the left."""
+        return np.stack([-self.along[..., 1], self.along[..., 0]], axis=-1)
+
+    def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
+        """Compute distances (b, N) of picks from the images of their lines, over their sigmas.
+
+        NaN if a ray does not go down to the ground. The Jacobian (b, N, 6) is by centre [m] and
+        rotation [rad].
+
+        Notes
+        -----
+        A ray d (world) through the line at A along u: m . d = 0 with m = u x (A - C), the normal of
+        the plane through camera and line. Its variance is that of the ray, and that of the line,
+        which moves it by d_z; with both the quotient is the distance in sigmas to first order
+        (Sampson 1982).
+
+        Lines do not distinguish a camera from its mirror image below the ground: they look the same
+        from (x, y, -z), as rays have no direction on them (Xu, Zhang, Cheng and Koch 2017, "Pose
+        estimation from line correspondences: a complete analysis and a series of solutions", on
+        signs of the depth). Here rays go forward to the ground below the camera, which excludes the
+        mirror image.
+        """
+        center, rotation = state[:2]
+        ray, root, turn = self.ray[which], self.ray_root[which], rotation[:, None]
+        along = np.zeros(ray.shape)
+        along[..., :2] = self.along[which]
+        away = -np.broadcast_to(center[:, None], ray.shape)
+        away = away + np.concatenate([self.start_m[which], ray[..., 2:] * 0.0], axis=-1)
+        # Normal of the plane through camera and line, in the camera's axes.
+        normal = _turned_back(turn, np.cross(along, away))
+        world = (turn @ ray[..., None])[..., 0]
+        down = np.where((world[..., 2] < 0) & (center[:, 2:] > 0), world[..., 2], np.nan)
+        miss = np.sum(normal * ray, axis=-1)
+        by_noise = (root.swapaxes(-1, -2) @ normal[..., :2, None])[..., 0]
+        variance = np.sum(by_noise**2, axis=-1) + (self.sigma_m[which] * down) ** 2
+        miss_by = np.concatenate([-np.cross(world, along), np.cross(ray, normal)], axis=-1)
+        # d normal / d centre = -R^T hat(u), / d rotation = hat(normal)
+        normal_by = np.concatenate([-turn.swapaxes(-1, -2) @ hat(along), hat(normal)], axis=-1)
+        half = np.einsum("bnij,bnj,bnik->bnk", root, by_noise, normal_by[..., :2, :])
+        down_by = -(turn @ hat(ray))[..., 2, :]
+        half[..., 3:] += (self.sigma_m[which] ** 2 * down)[..., None] * down_by
+        residual = miss / np.sqrt(variance)
+        jacobian = miss_by / np.sqrt(variance)[..., None]
+        jacobian -= (residual / variance)[..., None] * half
+        return residual, jacobian
+
+
+def _turned_back(turn: Floats, vectors: Floats) -> Floats:
+    return np.asarray((turn.swapaxes(-1, -2) @ vectors[..., None])[..., 0])
+
+
+def make_ray_problem(ray: Floats, across: Floats, world_m: Floats) -> ExplicitProblem:
+    """Return the problem of photos with rays to points of known position.
+
+    Parameters
+    ----------
+    ray
+        (B, N, 3) unit vectors in the camera.
+    across
+        (B, N, 2, 3) rows normal to the rays that convert small differences of unit vectors into
+        sigmas; zero for rays without weight.
+    world_m
+        (B, N, 3) points.
+    """
+
+    def rows(which: Ints, state: State) -> tuple[Floats, Floats]:
+        residual, by_point, by_turn = compute_ray_residuals(
+            ray[which], across[which], world_m[which], (state[0], state[1])
+        )
+        jacobian = np.concatenate([-by_point, by_turn], axis=-1)
+        return residual.reshape(len(which), -1), jacobian.reshape(len(which), -1, 6)
+
+    return ExplicitProblem(rows, move_poses)
+
+
+def compute_across_axes(ray: Floats) -> Floats:
+    """Return two unit vectors (..., 2, 3) perpendicular to a third (..., 3) and to each other."""
+    least = np.eye(3)[np.argmin(np.abs(ray), axis=-1)]
+    first = np.cross(ray, least)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(ray, first)], axis=-2)
+
+
+def compute_ray_residuals(
+    ray: Floats, across: Floats, world_m: Floats, pose: tuple[Floats, Floats]
+) -> tuple[Floats, Floats, Floats]:
+    """Compute residuals of rays against points, and their derivatives.
+
+    Parameters
+    ----------
+    ray, across, world_m
+        (..., N, 3), (..., N, 2, 3), (..., N, 3) as in `make_ray_problem`.
+    pose
+        (..., 3), (..., 3, 3) centre and rotation of the camera, world from camera.
+
+    Returns
+    -------
+    residual : (..., N, 2)
+        NaN behind the camera.
+    by_point, by_turn : (..., N, 2, 3)
+        By the point, or minus the centre [1/m]; by a rotation behind that of the camera [1/rad].
+    """
+    center, rotation = pose[0][..., None, :], pose[1][..., None, :, :]
+    seen = ((world_m - center)[..., None, :] @ rotation)[..., 0, :]
+    distance = np.linalg.norm(seen, axis=-1, keepdims=True)
+    behind = (np.sum(seen * ray, axis=-1) <= 0.0) & (across != 0.0).any(axis=(-2, -1))
+    seen = np.where(behind[..., None], np.nan, seen / distance)
+    # Across is normal to the ray, and (I - seen seen^T) hat(seen) = hat(seen).
+    onto = across - (across @ seen[..., None]) * seen[..., None, :]
+    by_point = onto @ rotation.swapaxes(-1, -2) / distance[..., None]
+    return (across @ seen[..., None])[..., 0], by_point, across @ hat(seen)
+
+
+Pose = tuple[Floats, Floats]
+"""Centre (3,) in the axes of the plane [m], and rotation (3, 3), plane from camera."""
+
+MAX_ITERATIONS = 20
+"""Number of iterations."""
+
+MIN_SINGULAR_RATIO = 1e-9
+"""Ratio of the second smallest to the largest singular value below which the points are in line."""
+
+
+def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | None:
+    """Estimate the pose of a camera from points on the plane z = 0.
+
+    Parameters
+    ----------
+    point_m
+        (N, 2) plane coordinates, N >= 4, not all but one in line.
+    ray
+        (N, 3) undistorted rays in the camera frame, z = 1.
+
+    Returns
+    -------
+    center_m : (3,)
+        In the axes of the plane.
+    plane_from_camera : (3, 3)
+    None
+        If the points do not determine it.
+
+    Notes
+    -----
+    Direct linear transformation of the homography with normalised coordinates (Hartley and
+    Zisserman 2004, algorithm 4.2), and its factorisation by orthonormality (Zhang 2000, sec. 3.1).
+    """
+    mean = point_m.mean(axis=0)
+    size = np.sqrt(np.mean(np.sum((point_m - mean) ** 2, axis=1)))
+    if size == 0:
+        return None
+    rows = make_homography_rows((point_m - mean) / size, ray[:, :2])
+    _, singular, vectors = np.linalg.svd(rows)
+    if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
+        return None
+    camera_from_plane, origin = factor_homographies(vectors[-1].reshape(3, 3))
+    center = -camera_from_plane.T @ origin * size
+    return center + np.array([*mean, 0.0]), camera_from_plane.T
+
+
+def find_second_pose(pose: Pose, point_m: Floats) -> Pose:
+    """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike."""
+    center, plane_from_camera = pose
+    middle = np.array([*point_m.mean(axis=0), 0.0])
+    sight = plane_from_camera.T @ (middle - center)
+    turned = mirror_plane(plane_from_camera.T, sight).T
+    return middle - turned @ sight, turned
+
+
+def refine_pose(
+    pose: Pose, world_m: Floats, ray: Floats, sigma: Floats
+) -> tuple[float, Pose] | None:
+    """Refine a pose to the best fit of the rays, and return its sum of squares with it.
+
+    Parameters
+    ----------
+    pose
+        Initial pose.
+    world_m
+        (N, 3) points on the plane z = 0 or near it.
+    ray
+        (N, 3) undistorted, z = 1.
+    sigma
+        (N,) of their x and y.
+
+    Returns
+    -------
+    None
+        If a point is not before the camera, or the camera not above the plane.
+    """
+    size = np.linalg.norm(ray, axis=1)[:, None]
+    across = np.zeros((len(ray), 2, 3))  # from unit vectors to x and y at z = 1
+    across[:, [0, 1], [0, 1]] = 1.0
+    across[:, :, 2] = -ray[:, :2]
+    across *= (size / sigma[:, None])[:, None]
+    problem = make_ray_problem((ray / size)[None], across[None], world_m[None])
+    ends = minimise_each(problem, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
+    (center, rotation), cost = ends.state, float(ends.cost[0])
+    return (cost, (center[0], rotation[0])) if cost < np.inf and center[0, 2] > 0 else None
+
+
+MIN_PICKS = 4
+"""Number of picks that determine a pose above known points of a plane."""
+
+MAX_SETS = 500
+"""Largest number of sets of picks that are tried."""
+
+AGREEMENT_SIGMAS = 12.0
+"""Largest distance from the predicted place, in sigmas of a pick, of a pick that agrees: a
+prediction by four picks with errors of a sigma each is itself uncertain by several sigmas."""
+
+
+def find_consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
+    """Mark the picks (n,) that agree on the pose of largest consensus.
+
+    Parameters
+    ----------
+    world
+        Points of the picks on the plane (n, 2), in metres.
+    ray
+        Their lines of sight in the camera's axes (n, 3), of depth 1.
+    sigma
+        (n,) sigmas of the picks, in normalised image coordinates.
+
+    Returns
+    -------
+    None where no pose can be found.
+    """
+    best = None
+    for chosen in _sets(len(ray)):
+        agree = _agreeing(world, ray, sigma, np.array(chosen))
+        if agree is not None and (best is None or agree.sum() > best.sum()):
+            best = agree
+    if best is None or best.sum() < MIN_PICKS:
+        return best
+    return _agreeing(world, ray, sigma, np.flatnonzero(best))
+
+
+def _sets(n: int) -> list[tuple[int, ...]]:
+    """Return the smallest sets of n picks: all, or a fixed random sample."""
+    if comb(n, MIN_PICKS) <= MAX_SETS:
+        return list(combinations(range(n), MIN_PICKS))
+    rng = np.random.default_rng(0)
+    return [tuple(rng.choice(n, MIN_PICKS, replace=False)) for _ in range(MAX_SETS)]
+
+
+def _agreeing(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Bools | None:
+    pose = resect_from_plane(world[chosen], ray[chosen])
+    if pose is None:
+        return None
+    distance = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1)
+    return np.asarray(distance < AGREEMENT_SIGMAS * sigma)
+
+
+def project_plane(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
+    """Project points of the plane to normalised image coordinates (n, 2); NaN behind the camera."""
+    center, plane_from_camera = pose
+    camera = (np.column_stack([world, np.zeros(len(world))]) - center) @ plane_from_camera
+    depth = np.where(camera[:, 2:] > 0, camera[:, 2:], np.nan)
+    return np.asarray(camera[:, :2] / depth)

@@ -1,1 +1,0 @@
-"""Kinds of known things, grouped by how their residuals are computed."""
