@@ -126,6 +126,9 @@ def test_lengths_that_were_left_out_bend_nothing(clean: Judged) -> None:
     verdict, status = clean.verdict(absent)
     assert verdict.level == "amber"
     assert status == ("ok", "ok")
+    # But a label at its end may be wrong instead.
+    ends = replace(of("line-other-ends", "P0"), lengths=absent.lengths)
+    assert clean.verdict(ends)[1] == ("doubtful", "ok")
 
 
 @pytest.mark.parametrize(("factor", "level"), [(5.0, "green"), (39.0, "red")])

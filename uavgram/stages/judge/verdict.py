@@ -46,9 +46,11 @@ def determine_verdict(
     put_right
         Codes of causes that no longer distort the result, as they were corrected.
     """
+    still = [m for m in messages if m.code not in put_right]
     used = _used_lengths(examined.adjustment)
-    still = [m for m in messages if m.code not in put_right and not _is_left_out(m, used)]
-    bent = fit.core < CONTRADICTION_PROBABILITY or any(_effect(m) is Effect.RED for m in still)
+    bent = fit.core < CONTRADICTION_PROBABILITY or any(
+        _effect(m) is Effect.RED and not _is_left_out(m, used) for m in still
+    )
     status = determine_statuses(
         table,
         examined,
