@@ -316,6 +316,9 @@ RAISED_HEIGHTS_M = np.geomspace(0.25, 10.0, 60)
 """Heights of points off the ground [m], each equally likely: of a door sill to the ridge of a
 house."""
 
+UNMOVED_PX = 1.0
+"""Distance [px] by which the greatest height moves a point that is searched as on the ground."""
+
 EVEN_ODDS = 1.0
 """Odds that a label without a height is on the ground, without further information."""
 
@@ -372,6 +375,9 @@ def find_raised_labels(evidence: HeightEvidence, odds: float = EVEN_ODDS) -> set
     likelihood = np.where(np.isnan(likelihood), 1.0 - behind - own, likelihood)
     logarithm = np.log(likelihood + NOTHING)
     raised = set[str]()
+    # A height that would hardly move a point, as between photos from one place, shows nothing.
+    moved_px = np.linalg.norm(place, axis=2).max(axis=1)
+    logarithm[moved_px <= UNMOVED_PX] = 0.0
     for label in set(evidence.label):
         each = logarithm[[name == label for name in evidence.label]].sum(axis=0)
         off_ground = np.exp(each[1:] - each[0]).mean()

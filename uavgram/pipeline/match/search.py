@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.predicted_pixels import (
     FlightOfPhotos,
     PickedPixels,
@@ -96,9 +98,11 @@ def search_all_photos(
         raised = raised or set(list_labels_without_height(picks, as_ground))
         is_over = candidates.is_raised[rows].all()  # for ground points
         if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines of sight, or not
-            base, record = base.free_heights(raised), record.without_labels(raised)
-            adjustment, record = _drop_contradicted(base, record)
-            continue
+            freed = base.free_heights(raised)
+            with suppress(GeometryError):  # other points place the photos without their heights
+                adjustment, record = _drop_contradicted(freed, record.without_labels(raised))
+                base = freed
+                continue
         if rows.size and not (lines.size and left == LINES_BEFORE):
             looked = _search(photos, base, candidates, rows, progress)
             looked = _revoke_contradicted(adjustment, candidates, rows, looked)
