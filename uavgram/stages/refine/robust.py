@@ -1084,10 +1084,10 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
 
 
 def _find_wrong_poses(found: Annealed) -> dict[str, float]:
-    """Return photos whose pose by the log is a gross error, with its misfit; never all of them."""
+    """Return photos whose pose by the log is a gross error, with its misfit: a minority."""
     prior, frame_id = found.problem.survey.telemetry, found.problem.survey.frame_id
     rows = found.gross("telemetry")
-    if prior is None or len(rows) == len(prior.frame_index):
+    if prior is None or 2 * len(rows) >= len(prior.frame_index):
         return {}
     names = (frame_id[k] for k in prior.frame_index[rows])
     return dict(zip(names, found.misfit["telemetry"][rows].tolist(), strict=True))
