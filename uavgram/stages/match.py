@@ -16,7 +16,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, logsumexp
 
 from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -380,8 +380,8 @@ def find_raised_labels(evidence: HeightEvidence, odds: float = EVEN_ODDS) -> set
     logarithm[moved_px <= UNMOVED_PX] = 0.0
     for label in set(evidence.label):
         each = logarithm[[name == label for name in evidence.label]].sum(axis=0)
-        off_ground = np.exp(each[1:] - each[0]).mean()
-        if off_ground > odds:
+        off_ground = logsumexp(each[1:] - each[0]) - np.log(len(each) - 1)  # of the mean
+        if off_ground > np.log(odds):
             raised.add(label)
     return raised
 

@@ -36,13 +36,13 @@ MAX_UNDAMPED_REDUCTION = 1e-4
 converged; kinks of the interpolated flight keep it from being exactly zero. In gusts the linear
 model predicts more: then the reduction that is found along the step counts."""
 
-MAX_CREEP = 1e-2
-"""Reduction in the second half of the iterations (a tenth of a sigma, squared) up to which a result
-counts as converged after the largest number of them: between noisy positions of a log, the sum of
-squares falls ever more slowly along a winding valley."""
-
 LARGE_SYSTEM = 10_000
 """Number of unknowns of a large system, from which that limit grows with their number."""
+
+MAX_CREEP = 1e-2
+"""Reduction in the second half of the iterations, and along one more step (a tenth of a sigma,
+squared), up to which a result counts as converged after the largest number of them: between noisy
+positions of a log, the sum of squares falls ever more slowly along a winding valley."""
 
 MAX_REUSE_REDUCTION = 0.1
 """Predicted reduction per unknown (a third of a sigma, squared) below which the normal matrix
@@ -168,11 +168,12 @@ def minimise(
         is_at_rest = -float(now.normal.gradient @ step) < limit
         if is_at_rest:
             break
+        if now.count >= most:
+            creeps = 0.0 < now.halfway - now.cost < MAX_CREEP
+            is_at_rest = creeps and now.search_along(step, np.inf) < MAX_CREEP
+            break
         # Where the model does not hold, as on a flight in gusts, the function itself decides: it
         # is at its minimum if it hardly decreases along that step.
-        if now.count >= most:
-            is_at_rest = 0.0 < now.halfway - now.cost < MAX_CREEP
-            break
         fall = now.search_along(step, limit)
         is_at_rest = 0.0 < fall < limit
         if fall < limit:

@@ -107,11 +107,12 @@ def _search_pick(
     pick, pairs = int(candidates.pick[rows[0]]), [candidates.pair[row] for row in rows]
     frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     of = frame[picks.image[pick]], adjustment.label_index(picks.label[pick])
-    picked = [
-        i
+    by_photo = {  # one pick in each other photo: a repetition is no other view
+        picks.image[i]: i
         for i in np.flatnonzero(picks.of_source("hand")).tolist()
-        if picks.label[i] == picks.label[pick] and picks.image[i] in frame and i != pick
-    ]
+        if picks.label[i] == picks.label[pick] and picks.image[i] in frame
+    }
+    picked = [i for image, i in by_photo.items() if image != picks.image[pick]]
     names = [*(image for image, _ in pairs), *(picks.image[i] for i in picked)]
     line = project_sightline(
         adjustment, of, np.array([frame[name] for name in names]), picks.pixel_px[pick]

@@ -109,7 +109,7 @@ def compute_fit(
         for one in (refined.adjustment, refined.stated)
     )
     noise = () if refined.noise is None else refined.noise.picks
-    is_gross = any(one.factor > GROSS_SIGMAS for one in noise)
+    is_gross = any(one.factor > GROSS_SIGMAS for one in noise if one.source in ("hand", "target"))
     return Fit(
         core=min(core, stated) if is_gross else core,
         stated=stated,

@@ -63,7 +63,7 @@ def determine_verdict(
     without = {Effect.NONE, Effect.UNCHECKED} if is_ok else {Effect.NONE}
     codes = {m.code for m in messages}
     # A message that a cause explains is a note, not a reason.
-    # A note is one where another solution has other values.
+    # A note on another solution is a reason only where a value is another in it.
     noted = {Effect.UNCHECKED} if any(table.is_ambiguous) else set[Effect]()
     because = [
         m

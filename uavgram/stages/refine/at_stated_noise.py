@@ -20,7 +20,7 @@ from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
-from uavgram.stages.refine.robust import adjust_robustly
+from uavgram.stages.refine.robust import Robust, adjust_robustly
 
 TAKEN_INTO_ACCOUNT = "The results take it into account."
 
@@ -92,7 +92,15 @@ def adjust_at_stated_noise(
         )
     # Free the priors that the causes prove wrong.
     if options.noise == "estimate":
-        survey, refined, causes = _without_wrong_priors(survey, refined, found, keep, reason)
+        known_less, causes = _free_wrong_priors(survey, found)
+        again = _adjust_again(known_less, keep, reason) if known_less is not survey else None
+        if again is not None:
+            # Poses of the log that were left out before took part again.
+            left_out = [*replace(robust, poses=()).messages(given), *again.messages(known_less)]
+            off_ground = sorted({*off_ground, *again.labels})
+            survey, refined = again.survey, replace(again.refined, pick_removed=removed)
+        else:
+            causes = found.causes
     return StatedNoiseAdjustment(given, survey, refined, off_ground, causes, (*left_out, *unseen))
 
 
@@ -107,7 +115,11 @@ def _exchange_wrong_picks(survey: Survey, refined: Refined, found: IdentifiedCau
     keep = taking.keep.copy()
     keep[list(found.right)] = True
     reason = {k: why for k, why in taking.reason.items() if k not in found.right}
-    other = replace(taking, keep=keep, reason=reason).without_lines(sorted(found.lines))
+    # The poses of these photos by the log may have been left out because of the wrong picks.
+    frames = {survey.frame_id[k] for k in survey.pick_frame[[*found.right, *found.wrong]]}
+    poses = {name: one for name, one in taking.pose_widened.items() if name not in frames}
+    other = replace(taking, keep=keep, reason=reason, pose_widened=poses)
+    other = other.without_lines(sorted(found.lines))
     try:
         after = find_best_minima(other.without_picks(_reasons(survey, sorted(found.wrong))))
     except GeometryError:
@@ -122,44 +134,42 @@ def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:
     return {k: TURNED_FRAME if every[frame[k]] == out[frame[k]] else WRONG_LABEL for k in wrong}
 
 
-def _without_wrong_priors(
-    survey: Survey,
-    refined: Refined,
-    found: IdentifiedCauses,
-    keep: Bools,
-    reason: dict[int, LeftOut],
-) -> tuple[Survey, Refined, tuple[Cause, ...]]:
-    """Readjust without wrong prior knowledge; return the input where that has no result.
+def _free_wrong_priors(survey: Survey, found: IdentifiedCauses) -> tuple[Survey, tuple[Cause, ...]]:
+    """Give up wrong prior knowledge, and add to the messages of its causes that it was given up.
 
     Parameters
     ----------
     survey
         The survey as it was adjusted.
-    refined
-        Its adjustment.
     found
         Causes, and the prior that each gives up.
-    keep, reason
-        (P,) picks that may take part, and the reasons why others do not.
     """
-    known_less = survey
-    causes = list(found.causes)
+    known_less, causes = survey, list(found.causes)
     for k, freed in enumerate(found.freed):
         if freed is not None:
             known_less, message = freed(known_less), causes[k].message
             causes[k] = replace(
                 causes[k], message=replace(message, text=f"{message.text} {TAKEN_INTO_ACCOUNT}")
             )
-    if known_less is survey:
-        return survey, refined, found.causes
+    return known_less, tuple(causes)
+
+
+def _adjust_again(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Robust | None:
+    """Adjust robustly once more; None where that has no result.
+
+    Parameters
+    ----------
+    survey
+        The survey with less prior knowledge.
+    keep, reason
+        (P,) picks that may take part, and the reasons why others do not.
+    """
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     try:
-        after = adjust_robustly(Participants(known_less, keep, none, reason))
+        after = adjust_robustly(Participants(survey, keep, none, reason))
     except GeometryError:
-        return survey, refined, found.causes
-    if not after.refined.adjustment.minimum.converged:
-        return survey, refined, found.causes
-    return after.survey, replace(after.refined, pick_removed=refined.pick_removed), tuple(causes)
+        return None
+    return after if after.refined.adjustment.minimum.converged else None
 
 
 def find_participants(survey: Survey, refined: Refined) -> Participants:

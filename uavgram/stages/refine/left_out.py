@@ -202,19 +202,20 @@ def report_poses_left_out(refined: Refined, frames: Sequence[str]) -> Iterator[M
         own = residual[row[frame]]
         apart_m = float(np.linalg.norm(own[:3]))
         turn_deg = float(np.degrees(np.linalg.norm(own[3:])))
-        how = f"{figures(apart_m)} m and {figures(turn_deg)}° away"
+        how = f"{figures(apart_m)} m away, turned by {figures(turn_deg)}°"
         yield Message(
             "warning",
             "telemetry-strained",
-            f"Photo {frame!r} is not where the log has it, by all other observations: {how}. That "
-            "position and direction are not used. Check its picks, its time, the gimbal and its "
-            "zoom.",
+            f"Photo {frame!r} is not where the log has it: all other observations place it {how}. "
+            "The log's position and direction of it are not used. Check its picks, its time, the "
+            "gimbal and its zoom.",
             frames=(frame,),
             several=MessagePlural(
-                "{count} photos are not where the log has them, by all other observations",
+                "{count} photos are not where the log has them: all other observations place them "
+                "elsewhere",
                 f"{frame!r} ({how})",
-                ending="These positions and directions are not used. Check the picks, the times, "
-                "the gimbal and the zoom of these photos.",
+                ending="The log's positions and directions of them are not used. Check the picks, "
+                "the times, the gimbal and the zoom of these photos.",
             ),
         )
 

@@ -368,10 +368,10 @@ class Candidate:
         gross = sum(len(self.annealed.gross(name)) for name in self.annealed.misfit)
         return gross > 1 or not self.fits()
 
-    def keeps_lengths(self) -> bool:
+    def keeps_lengths(self, whole: Participants) -> bool:
         """Return whether no length is unseen without left-out photos: it may be the wrong one."""
         used = self.first.line_index[self.annealed.problem.line_index]
-        return len(used) == np.count_nonzero(~self.taking.line_removed)
+        return set(used.tolist()) >= _find_seen_lines(whole)
 
     def leaves_no_other(self) -> bool:
         """Return whether no other explanation is left: all take part, or nearly all agree."""
@@ -434,6 +434,14 @@ class Candidate:
         return any(np.abs(block.residual).max(initial=0.0) > GROSS_SIGMAS for block in common)
 
 
+def _find_seen_lines(taking: Participants) -> set[int]:
+    """Find the lengths that take part and both of whose ends are picked."""
+    survey = taking.survey
+    picked = np.unique(survey.pick_label[taking.keep])
+    is_seen = np.isin(survey.line_start, picked) & np.isin(survey.line_end, picked)
+    return set(np.flatnonzero(is_seen & ~taking.line_removed).tolist())
+
+
 def _most_agreed(taking: Participants) -> list[Candidate]:
     """Adjust robustly from all first values; return the candidates, that of least cost first.
 
@@ -456,13 +464,13 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
         best = found[:1]
         for candidate in search(taking, found):
             found = _by_cost(taking, [*found, candidate])
-            is_sure = candidate.is_agreed() and candidate.keeps_lengths()
+            is_sure = candidate.is_agreed() and candidate.keeps_lengths(taking)
             if found[0] is candidate and is_sure:
                 return found[:1]
         # Without references, or with other gross errors, something else may be wrong: search on.
         if search is _without_references or found[:1] == best or not found[0].explains():
             continue
-        is_sure = found[0].leaves_no_other() and found[0].keeps_lengths()
+        is_sure = found[0].leaves_no_other() and found[0].keeps_lengths(taking)
         if search is _without_photos or is_sure:
             break
     return found
@@ -992,7 +1000,8 @@ def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robu
     if not agreed:
         return None
     if _has_open_length(agreed[0]):
-        agreed = _by_cost(taking, [*agreed, *_with_one_instead(agreed[0], ["pixels"])])
+        instead = (one for one in _with_one_instead(agreed[0], ["pixels"]) if not one.misplaced)
+        agreed = _by_cost(taking, [*agreed, *instead])
     least = agreed[0].cost(taking)
     near = [one for one in agreed if one.cost(taking) <= least + RIVAL]
     near.sort(key=lambda one: -len(one.used))
@@ -1055,7 +1064,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     heights = tuple(reduced.label[k] for k in problem.third.stated[found.gross("heights")])
     wrong = {reduced.label[reduced.control_label[k]] for k in found.gross("control")}
     is_wrong = np.array([survey.label[k] in wrong for k in survey.control_label], dtype=np.bool_)
-    wrong_poses = _find_wrong_poses(found)
+    wrong_poses = _find_wrong_poses(found, taking.pose_widened)
     rest = replace(
         select_control(survey, ~is_wrong),
         is_free=survey.is_free | np.isin(survey.label, [*names, *heights]),
@@ -1083,14 +1092,29 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     return Robust(rest, refined, wrong_control, names, heights, contradicting, poses)
 
 
-def _find_wrong_poses(found: Annealed) -> dict[str, float]:
-    """Return photos whose pose by the log is a gross error, with its misfit: a minority."""
+def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str, float]:
+    """Find poses by the log that are gross errors, where they are a minority with earlier ones.
+
+    Parameters
+    ----------
+    found
+        A robust adjustment.
+    before
+        Factors by which sigmas of wrong poses are enlarged in it, by photo.
+
+    Returns
+    -------
+    Factors of the stated sigmas, by photo.
+    """
     prior, frame_id = found.problem.survey.telemetry, found.problem.survey.frame_id
-    rows = found.gross("telemetry")
-    if prior is None or 2 * len(rows) >= len(prior.frame_index):
+    if prior is None:
         return {}
-    names = (frame_id[k] for k in prior.frame_index[rows])
-    return dict(zip(names, found.misfit["telemetry"][rows].tolist(), strict=True))
+    rows = found.gross("telemetry")
+    names = [frame_id[k] for k in prior.frame_index[rows]]
+    if 2 * len({*names, *before}) >= len(prior.frame_index):
+        return {}
+    misfit = found.misfit["telemetry"][rows].tolist()
+    return {name: one * before.get(name, 1.0) for name, one in zip(names, misfit, strict=True)}
 
 
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:

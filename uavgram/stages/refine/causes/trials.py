@@ -231,7 +231,7 @@ def adjust_without_lengths(diagnosis: Diagnosis) -> Diagnosis:
     everything = correct_participants(
         diagnosis, SurveyCorrection(), _contradicting_picks(diagnosis)
     )
-    taking = everything.without_lines(range(len(survey.line_start)))
+    taking = replace(everything, pose_widened={}).without_lines(range(len(survey.line_start)))
     refined = adjust_on_trial(taking)
     if refined is None or not refined.adjustment.minimum.converged:
         return diagnosis
