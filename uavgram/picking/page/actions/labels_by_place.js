@@ -54,9 +54,10 @@ export class LabelsByPlace {
   }
 
   // Remembers a placed point, and that points of other photos are picked in this one though nothing tells where.
+  // During an adjustment nothing is known, and so nothing about the order.
   /** @param {number} image @param {string} label */
   placed(image, label) {
-    if (this.isThere(label) && !knowsPlace(image, label)) this.orders.set(image, "again");
+    if (this.isThere(label) && !stale() && !knowsPlace(image, label)) this.orders.set(image, "again");
     this.last = label;
   }
 
