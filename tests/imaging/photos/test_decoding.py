@@ -117,10 +117,12 @@ def test_a_photo_of_the_same_place_from_beside_does_not(photo: Path) -> None:
 
 def test_plain_pictures_of_two_greys_are_no_copies(tmp_path: Path) -> None:
     one, other = (tmp_path / name for name in ("one.png", "other.png"))
-    for path, grey in ((one, 90), (other, 140)):
-        assert cv2.imwrite(str(path), np.full((300, 400, 3), grey, np.uint8))
-
-    assert not is_same_exposure(str(one), str(other))
+    shade = np.linspace(0.0, 12.0, 400) * np.ones((300, 1))  # as of a lens
+    for shading in (0.0 * shade, shade):
+        for path, grey in ((one, 90), (other, 140)):
+            pixels = np.repeat((grey + shading)[..., None], 3, axis=2)
+            assert cv2.imwrite(str(path), pixels.astype(np.uint8))
+        assert not is_same_exposure(str(one), str(other))
 
 
 def test_photos_of_a_flight_are_no_copies(data_dir: Path) -> None:

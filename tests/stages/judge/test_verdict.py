@@ -131,15 +131,20 @@ def test_lengths_that_were_left_out_bend_nothing(clean: Judged) -> None:
     assert clean.verdict(ends)[1] == ("doubtful", "ok")
 
 
-@pytest.mark.parametrize(("factor", "level"), [(5.0, "green"), (39.0, "red")])
-def test_noise_as_large_as_gross_errors_is_a_contradiction(factor: float, level: str) -> None:
+@pytest.mark.parametrize(
+    ("source", "factor", "level"),
+    [("hand", 5.0, "green"), ("hand", 39.0, "red"), ("tie", 39.0, "green")],
+)
+def test_noise_as_large_as_gross_errors_is_a_contradiction(
+    source: str, factor: float, level: str
+) -> None:
     """With sigmas 39 times as large everything fits, even another zoom in one photo."""
     survey = make_scene(9, frames=6).survey
     pixel = survey.pixel_px + 30.0 * np.random.default_rng(0).standard_normal(survey.pixel_px.shape)
     stated, _ = refine(replace(survey, pixel_px=pixel), SolveOptions(noise="stated"))
     wide = replace(survey, pixel_px=pixel, pick_sigma_px=39.0 * survey.pick_sigma_px)
     learnt, _ = refine(wide, SolveOptions(noise="stated"))
-    picks = PickNoise(source="hand", stated_px=1.0, factor=factor, sigma=1.0)
+    picks = PickNoise(source=source, stated_px=1.0, factor=factor, sigma=1.0)
     noise = Noise(picks=(picks,), roughness=())
     refined = replace(learnt, noise=noise, stated=stated.adjustment)
     nothing: Any = SimpleNamespace(w=(), status=(), start=(), end=(), points=(), label=())

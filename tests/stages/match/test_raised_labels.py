@@ -66,3 +66,7 @@ def test_a_search_with_little_parallax_is_no_proof_of_anything() -> None:
     assert not is_raised(5 * [[0.0, 0.0]], rise=little, odds=1.01)
     assert is_raised(5 * [[0.0, 0.0]], rise=little, odds=0.9)
     assert not is_raised(5 * [MISSED], rise=little, odds=1.01)
+
+
+def test_a_corner_in_very_many_photos_is_raised_without_overflow() -> None:
+    assert is_raised(40 * [[40.0, 0.0]], picked=40)
