@@ -271,9 +271,9 @@ REASON_TEXTS: dict[RefusalReason, str] = {
     RefusalReason.WEAK: "the picture is too even there",
     RefusalReason.NOT_LIKE: "nothing there looks like it",
     RefusalReason.NOT_UNIQUE: "several places look like it",
-    RefusalReason.NOT_BACK: "what looks like it is something else",
-    RefusalReason.UNSTABLE: "what surrounds it has changed, or is not flat",
-    RefusalReason.DISTORTED: "what surrounds it has changed its shape",
+    RefusalReason.NOT_BACK: "only something else looks like it",
+    RefusalReason.UNSTABLE: "its surroundings have changed, or are not flat",
+    RefusalReason.DISTORTED: "its surroundings have changed their shape",
     RefusalReason.TOO_FAR: "its place is known too poorly to search for it",
     RefusalReason.OFF_GROUND: "it may be off the ground",
 }

@@ -90,7 +90,7 @@ def _used_lengths(adjustment: Adjustment) -> set[str]:
 
 
 def _is_left_out(message: Message, used: Collection[str]) -> bool:
-    """Return whether a message is about lengths alone of which none takes part.
+    """Return whether a message is about lengths alone, and none of them takes part.
 
     Lengths that were left out do not bend the result, which rests on the other observations.
     """
