@@ -27,9 +27,6 @@ from uavgram.pipeline.measure.run import run
 MOST = 40
 """Clicks and keys for 4 lengths and 3 distances in 2 photos, mount, digits and report included."""
 
-MOST_ON_SAND = 42
-"""The same where two of the points look too different in the second photo to be found in it."""
-
 STREET, BEACH = "Unfall Köln", "Strand"
 SHORTEST_M, LONGEST_M = 5.0, 15.0
 APART_PX = 80.0
@@ -47,7 +44,8 @@ ON_BEACH = (
 )
 """Things in the sand in two photos: SIFT features that a homography maps to each other."""
 
-BEACH_M_A_PX = 0.0283
+BEACH_M_A_PX = 40.0 / 2286
+"""Size of a pixel on the ground [m]: height over take-off of the tags, by the focal length [px]."""
 
 WANTED = ((0, 2), (1, 5), (5, 7))
 """Three distances between ends of different lengths."""
@@ -271,8 +269,10 @@ def test_two_projects_one_after_another_without_a_file_or_a_terminal(
         does.press(page.get_by_role("button", name="Begin"))
         survey(page, does, beach(), server, take_over_shown)
         result = check_report(page, home / BEACH)
-        assert told("DJI photos", does) <= MOST_ON_SAND
-        assert (result.measurements.value > 1.0).all()
+        assert told("DJI photos", does) <= MOST
+        wanted = [BEACH_M_A_PX * math.dist(ON_BEACH[a][0], ON_BEACH[b][0]) for a, b in WANTED]
+        found = result.measurements
+        assert (abs(found.value - wanted) < 3.5 * found.sigma).all()
         assert not open_page.errors
         assert not open_page.strangers
 

@@ -13,7 +13,10 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
+from cyclopts import App
 from windows_desk import WindowsDesk
+
+from uavgram.cli.entry import app
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads Linux's /proc")
 
@@ -26,11 +29,16 @@ camera:
   parameters: [420.0, 420.2, 201.3, 148.8, -0.1, 0.03, 0.0003, -0.0002, 0.0]
   sigma: [0.8, 0.8, 0.5, 0.5, 0.002, 0.004, 0.0001, 0.0001, 0.001]
 """
+GCP_LIST = "EPSG:32632\n356701.0 5645230.0 50.0 100.5 200.5 IMG_0001.jpg Dom\n"
 COMMANDS = [
     ("check", SURVEY),
     ("log", f"{SURVEY}/flight.tlog", "--plot", "Höhe.png"),
     ("camera", f"{SURVEY}/camera.yaml", "--to", "opencv", "--output", "Kamera für alle.yml"),
+    ("camera", f"{SURVEY}/camera.yaml", "--compare", f"{SURVEY}/camera.yaml", "--json"),
+    ("explain", "--markdown"),
+    ("picks", "import", "gcp_list.txt", "--output", "übernommen.csv"),
     ("picks", "match", SURVEY),
+    ("picks", "match", SURVEY, "--undo"),
     ("picks", "ties", SURVEY),
     ("rectify", SURVEY),
     ("geotag", SURVEY, "--exif"),
@@ -41,6 +49,7 @@ COMMANDS = [
     ("batch", SURVEY, "--workers", "2", "--output", "alle"),
     ("shortcut", "--folder", "."),
 ]
+BY_OTHER_TESTS = {"calibrate", "demo", "new", "pick", "picks targets", "run", "view"}
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +57,23 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> WindowsDesk:
     """A folder with the survey of `uavgram demo`."""
     desk = WindowsDesk(tmp_path_factory.mktemp("Meine Fälle"))
     (desk.folder / "Köln.yaml").write_text(SCENARIO, encoding="utf-8")
+    (desk.folder / "gcp_list.txt").write_text(GCP_LIST, encoding="utf-8")
     done = desk.run("demo", "--scenario", "Köln.yaml", "--output", SURVEY)
     assert done.status == 0, done.stderr
     return desk
+
+
+def commands_of(application: App, before: str = "") -> set[str]:
+    """Names of all commands, with those below a command."""
+    names = [name for name in application if not name.startswith("-")]
+    below = [commands_of(application[name], f"{before}{name} ") for name in names]
+    return set().union(*below) if names else {before.strip()}
+
+
+def test_every_command_is_here() -> None:
+    words = {" ".join(command) for command in COMMANDS}
+    for name in commands_of(app) - BY_OTHER_TESTS:
+        assert any(f"{one} ".startswith(f"{name} ") for one in words), name
 
 
 def left_over(folder: Path) -> list[Path]:
