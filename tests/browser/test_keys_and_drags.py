@@ -14,7 +14,7 @@ from picking_projects import PickingProject
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.parse import Message
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
@@ -229,7 +229,7 @@ def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kep
         page = open_page(server)
         change = server.picking.change
 
-        def slowly(message: Message) -> Json:
+        def slowly(message: Message) -> m.Changed:
             time.sleep(0.25)
             return change(message)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.picking.document.commands import ProjectAction
+from uavgram.picking.protocol.messages import ServerMessage
 from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import OpenProject
 from uavgram.picking.storage.tables import Tables
@@ -26,7 +27,11 @@ def opened(path: Path, *, killed: bool = False) -> Iterator[tuple[OpenProject, l
     """
     sent: list[Json] = []
     survey = LiveSurvey.open(path)
-    project = OpenProject(survey, Tables(survey.inputs), lambda: None, sent.append, Tables)
+
+    def send(message: ServerMessage) -> None:
+        sent.append(dict(message))
+
+    project = OpenProject(survey, Tables(survey.inputs), lambda: None, send, Tables)
     try:
         yield project, sent
     finally:
@@ -38,7 +43,7 @@ def opened(path: Path, *, killed: bool = False) -> Iterator[tuple[OpenProject, l
 def change(project: OpenProject, kind: str, /, **fields: object) -> Json:
     """Do what a page's command says."""
     message = json.dumps({"seq": 1, "t": kind, **fields})
-    return project.picking.change(parse_message(message, project.picking.photos))
+    return dict(project.picking.change(parse_message(message, project.picking.photos)))
 
 
 def ask(project: OpenProject, kind: str) -> Json:
@@ -46,4 +51,4 @@ def ask(project: OpenProject, kind: str) -> Json:
     message = parse_message(json.dumps({"seq": 1, "t": kind}), project.picking.photos)
     action = message.body
     assert isinstance(action, ProjectAction)
-    return asyncio.run(project.do(action))
+    return dict(asyncio.run(project.do(action)))

@@ -100,9 +100,8 @@ def test_a_length_to_be_read_again_is_opened() -> None:
     )
     strange = replace(again, corrections=(Correction(action="read", length="of a plate"),))
 
-    assert remedies_json([again, strange], LINES, INDEX) == [
-        {"words": "Read L2 again", "changes": [], "opens": "L2"}
-    ]
+    (mend,) = remedies_json([again, strange], LINES, INDEX)
+    assert (mend["words"], mend["changes"], mend["opens"]) == ("Read L2 again", [], "L2")
 
 
 def test_work_in_the_field_has_no_button() -> None:

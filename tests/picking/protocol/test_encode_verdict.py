@@ -12,9 +12,9 @@ from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
 from uavgram.picking.document.state import Line, State, make_observations
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_remarks import Remarks
 from uavgram.picking.protocol.encode_verdict import (
-    Json,
     encode_measurement_statuses,
     verdict_json,
 )
@@ -29,7 +29,7 @@ ALSO = Message("warning", "no-home", "The log states no home.")
 ENDS = ("P01", "P02")
 
 
-def told_of(result: Result) -> Json:
+def told_of(result: Result) -> m.Verdict:
     """The verdict where no length is known, and every photo."""
     _, lines = make_observations(State())
     return verdict_json(result, lines, {name: k for k, name in enumerate(result.frames.frame_id)})
@@ -129,6 +129,7 @@ def test_a_length_is_shown_in_a_photo_of_both_its_ends() -> None:
     )
 
     show = told.json(Reason(cause="line-suspect", text="A.", lengths=("L1",)))["show"]
+    assert show is not None
     assert show["label"] in ENDS
     assert names[show["image"]] in (both[0] & both[1]) - {names[alone]}
 

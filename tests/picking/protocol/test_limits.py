@@ -15,7 +15,7 @@ from uavgram.io.tables.picks import read_picks
 from uavgram.model.limits import LONGEST_NAME
 from uavgram.model.options import OptionsError, TapeOptions
 from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 
 PHOTOS = (PhotoSize("P1.jpg", 640, 480),)

@@ -11,7 +11,7 @@ from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import Pick, State
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 from uavgram.picking.storage.journal import Journal, load_journal
 

@@ -6,13 +6,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document.state import Pick, State
-from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session import adjustment_workers as module
 from uavgram.picking.session.adjustment_workers import AdjustmentWorkers, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
@@ -52,7 +51,7 @@ class Survey:
         return SimpleNamespace(base=base)
 
 
-Answers = list[tuple[int, Json]]
+Answers = list[tuple[int, Any]]
 Start = Callable[[Survey], tuple[AdjustmentWorkers, Answers]]
 
 

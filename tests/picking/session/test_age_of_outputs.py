@@ -9,7 +9,7 @@ from pathlib import Path
 from open_projects import change, opened
 from pick_pages import small_project
 
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.messages import Json
 from uavgram.picking.session.project import OpenProject
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from uavgram.model.naming import METRIC
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.commands import SideView
 from uavgram.picking.protocol.encode_answers import side_json
-from uavgram.picking.protocol.encode_survey import Json, adjusted_json, linearised_json
+from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 from uavgram.pipeline.pick.side_view import make_side_view
 from uavgram.views.units import quantity
@@ -49,8 +50,8 @@ def test_the_page_is_told_how_high_free_points_stand_and_whose_height_is_not_fou
     adjusted: LiveAdjustment,
 ) -> None:
     index = {name: k for k, name in enumerate(adjusted.result.frames.frame_id)}
-    told: Json = adjusted_json(adjusted, index)
-    high = {label: point for label, point in told["points"].items() if "height" in point}
+    told: Any = adjusted_json(adjusted, index)
+    high = {label: point for label, point in told["points"].items() if point["height"]}
     assert list(high) == [FREE]  # of points on the ground nothing is said
     height, sigma = map(float, high[FREE]["height"](METRIC).removesuffix(" m").split(" ± "))
     assert 0.0 < sigma < 1.0
@@ -70,7 +71,8 @@ def test_heights_follow_a_drag_to_first_order(
     moved = replace(observed, picks=replace(observed.picks, pixel_px=pixel))
     quick = live.update_linearly(adjusted, moved)
     assert quick is not None
-    told = linearised_json(quick, {name: k for k, name in enumerate(live.inputs.photos.frame_id)})
+    index = {name: k for k, name in enumerate(live.inputs.photos.frame_id)}
+    told: Any = linearised_json(quick, index)
     (row,) = np.flatnonzero(adjusted.result.points.is_off_ground)
     before = adjusted.result.points.height_above_ground_m[row]
     after = live.adjust(moved).result.points.height_above_ground_m[row]
@@ -107,9 +109,11 @@ def test_what_is_no_profile_is_seen_across_its_longest_line(adjusted: LiveAdjust
 
 def test_a_side_view_of_what_is_not_adjusted_is_empty(adjusted: LiveAdjustment) -> None:
     for name in ("height", "unseen", "nobody asked for this"):
-        assert side_json(adjusted, SideView(name=name)) == {"points": []}
-    assert side_json(None, SideView(name="D")) == {"points": []}
+        assert side_json(adjusted, SideView(name=name))["points"] == []
+    assert side_json(None, SideView(name="D"))["points"] == []
     shown = side_json(adjusted, SideView(name="D"))["points"]
     assert [point["label"] for point in shown] == ["R1", FREE]
-    assert shown[0]["station_m"] == [0.0, 0.0]
-    assert shown[1]["height_m"][1] > 0
+    assert shown[0]["station_m"] == (0.0, 0.0)
+    sigma_m = shown[1]["height_m"][1]
+    assert sigma_m is not None
+    assert sigma_m > 0

@@ -12,7 +12,7 @@ import pytest
 from pick_pages import LONGEST_WAIT_S, Page, Server, ask, browser_of, entry_of, small_project
 from small_recording import write_small_recording
 
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.messages import Json
 
 PICKS = b"image,label,u_px,v_px,note\r\nP1.jpg,A,10.50,20,seen\r\n"
 
@@ -183,7 +183,10 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
         assert said["file"] == "calibration/camera.yaml"
         assert (tmp_path / said["file"]).is_file()
         assert project.read_text(encoding="utf-8") == before  # only when asked to
-        assert ask_project(page, "use-camera")["t"] == "done"
+        assert ask_project(page, "calibrate", **asked)["t"] == "done"
+        ask_project(page, "stop-calibration")
+        assert until_calibrated(page)["state"] == "failed"
+        assert ask_project(page, "use-camera")["t"] == "done"  # the one that was made before
     changed = before.replace("camera: camera.yaml", "camera: calibration/camera.yaml")
     assert project.read_text(encoding="utf-8") == changed
     with Page(server, page.entry) as page:

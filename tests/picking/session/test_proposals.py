@@ -16,6 +16,7 @@ from textured_ground import NAMES, Textured, write_textured
 from uavgram.io.tables.picks import read_picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.project import OpenProject
 
 Json = dict[str, Any]
@@ -53,11 +54,11 @@ def wait(holds: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
-def told(project: OpenProject, label: str) -> tuple[list[Json], list[Json]]:
+def told(project: OpenProject, label: str) -> tuple[list[m.Proposal], list[m.Asked]]:
     """What a page that opens now is told of a label: what was found, and what is asked for."""
     now = project.picking.initial_state()["proposals"]
-    found, asked = ([one for one in now[of] if one["label"] == label] for of in ("found", "asked"))
-    return found, asked
+    found = [one for one in now["found"] if one["label"] == label]
+    return found, [one for one in now["asked"] if one["label"] == label]
 
 
 def click(project: OpenProject, textured: Textured) -> None:
@@ -76,7 +77,7 @@ def test_a_click_is_proposed_in_the_photos_that_show_it_and_accepted_ones_are_sa
     for one in found:
         truth = textured.pixel_px[NAMES[one["image"]], NEW]
         off = np.hypot(one["u_px"] - truth[0], one["v_px"] - truth[1])
-        assert off < 5 * one["sigma_px"]
+        assert off < 5 * (one["sigma_px"] or 0.0)
         assert one["from_image"] == 0
     assert any(m["t"] == "proposals" and NEW in m["labels"] for m in sent)
     assert len(opened_.picking.state.picks) == 6  # nothing is picked before somebody says so

@@ -20,7 +20,8 @@ from uavgram.model.result.reliability import VerdictLevel
 from uavgram.picking.document.commands import All
 from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import State, make_observations, make_state
-from uavgram.picking.protocol.encode_verdict import Json, verdict_json
+from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.encode_verdict import verdict_json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
 
@@ -39,7 +40,7 @@ class Project(NamedTuple):
     live: LiveSurvey
     photos: tuple[PhotoSize, ...]
 
-    def verdict(self, state: State) -> Json:
+    def verdict(self, state: State) -> m.Verdict:
         """What the page is told of a state."""
         picks, lines = make_observations(state)
         requests = self.live.inputs.requests
@@ -47,7 +48,7 @@ class Project(NamedTuple):
         index = {photo.name: k for k, photo in enumerate(self.photos)}
         return verdict_json(found.result, lines, index)
 
-    def pressed(self, state: State, mend: Json) -> State:
+    def pressed(self, state: State, mend: m.Mend) -> State:
         """The state after a button, as the page sends it."""
         text = json.dumps({"seq": 1, "t": "all", "changes": mend["changes"]})
         command = parse_message(text, self.photos).body

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 from open_projects import opened
@@ -31,13 +33,10 @@ def survey(data_dir: Path, tmp_path: Path) -> tuple[Path, tuple[float, float]]:
     return tmp_path / "survey" / "project.yaml", (u, v)
 
 
-def snapped(project: OpenProject, **fields: object) -> dict[str, float | str]:
+def snapped(project: OpenProject, **fields: object) -> Mapping[str, Any]:
     asked = {"seq": 1, "t": "snap", "image": project.picking.index[PHOTO], "target": "target"}
     text = json.dumps({**asked, **fields})
-    answer: dict[str, float | str] = project.picking.answer(
-        parse_message(text, project.picking.photos)
-    )
-    return answer
+    return project.picking.answer(parse_message(text, project.picking.photos))
 
 
 def test_the_target_where_the_label_is_expected_is_taken(

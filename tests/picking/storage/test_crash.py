@@ -12,7 +12,7 @@ from pathlib import Path
 from pick_pages import HEIGHT, WIDTH, Page, Server, running, small_project
 from websockets.exceptions import ConnectionClosed
 
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.messages import Json
 
 KILLS = 20
 SAVE_AFTER_S = 0.05  # sooner than for people, so that many kills fall into the writing

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 from open_projects import ask, change, opened
 from pick_pages import small_project
 
 from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.messages import Json
 
 PICKS = b"image,label,u_px,v_px\nP1.jpg,A,10,20\nP1.jpg,B,30,40\n"
 
 
-def labels(said: Json) -> set[str]:
+def labels(said: Mapping[str, Any]) -> set[str]:
     return {pick["label"] for pick in said["state"]["picks"]}
 
 
@@ -39,7 +41,7 @@ def project(tmp_path: Path) -> Path:
 Height = tuple[float | None, float | None, bool]
 
 
-def place_of(begun: Json, label: str) -> tuple[float, float, Height]:
+def place_of(begun: Mapping[str, Any], label: str) -> tuple[float, float, Height]:
     pick = next(pick for pick in begun["state"]["picks"] if pick["label"] == label)
     height = pick["height_m"], pick["height_sigma_m"], pick["is_free"]
     return pick["u_px"], pick["v_px"], height
@@ -49,7 +51,7 @@ def test_it_is_taken_over_in_one_step_beside_what_the_other_did(
     project: Path, tmp_path: Path
 ) -> None:
     with opened(project) as (open_project, sent):
-        begun = open_project.initial_state()
+        begun: Mapping[str, Any] = open_project.initial_state()
         assert begun["aside"] == 7
         assert labels(begun) == {"A", "B", "Z"}
         assert ask(open_project, "take-aside")["refused"] == 0

@@ -16,11 +16,12 @@ from uavgram.imaging.snapping import (
     snap_corner,
     snap_within,
 )
-from uavgram.model.result.tables import COLUMNS
+from uavgram.model.arrays import Floats
 from uavgram.model.survey import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.document.proposals import Outcomes, select_certain
-from uavgram.picking.protocol.encode_places import Json, number
+from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.encode_places import number
 from uavgram.picking.protocol.encode_units import quantity_words, table_words
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import ExpectedPlace, project_ground
@@ -40,7 +41,7 @@ place all 81 were snapped to.
 
 def snap_json(
     photo: Pixels, asked: Snap, expected: ExpectedPlace | None, match: Place | None = None
-) -> Json:
+) -> m.Snapped | m.NotSnapped:
     """Return the exact place, its sigma and its kind; or the reason for none, and the candidates.
 
     Parameters
@@ -56,7 +57,7 @@ def snap_json(
 
     Returns
     -------
-    dict
+    answer
         `is_sure` where a person pointed at it, or the match decides; else it only looks like it.
     """
     pointer = np.array([asked.u_px, asked.v_px])
@@ -74,14 +75,20 @@ def snap_json(
             under = (snap_corner if any_thing else snap_circle)(photo, asked.u_px, asked.v_px)
             found = under if isinstance(under, Snapped) else replace(found, why=under)
     if isinstance(found, UnclearRegion):
-        return {"why": found.why, "places_px": found.place_px.tolist()}
-    place = {"u_px": found.u_px, "v_px": found.v_px, "sigma_px": round(found.sigma_px, 3)}
-    return {**place, "what": found.what, "is_sure": match is not None or expected is None}
+        return {"t": "snapped", "why": found.why, "places_px": found.place_px.tolist()}
+    return {
+        "t": "snapped",
+        "u_px": found.u_px,
+        "v_px": found.v_px,
+        "sigma_px": round(found.sigma_px, 3),
+        "what": found.what,
+        "is_sure": match is not None or expected is None,
+    }
 
 
 def same_ground_json(
     survey: LiveSurvey, last: LiveAdjustment | None, asked: SameGround, index: Mapping[str, int]
-) -> Json:
+) -> m.Ground:
     """Return the places of the same ground in other photos: u, v [px] and scale by photo number.
 
     Parameters
@@ -94,16 +101,16 @@ def same_ground_json(
         Numbers of the photos by name.
     """
     found = project_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
-    return {"places": {str(index[name]): list(place) for name, place in found.items()}}
+    return {"t": "ground", "places": {str(index[name]): place for name, place in found.items()}}
 
 
-def ties_json(ties: TiePicks, asked: Ties) -> Json:
+def ties_json(ties: TiePicks, asked: Ties) -> m.TiePlaces:
     """Return the tie points in a photo, to a tenth of a pixel."""
     own = np.array([name == asked.image for name in ties.image], dtype=np.bool_)
-    return {"places_px": np.round(ties.pixel_px[own], 1).tolist()}
+    return {"t": "ties", "places_px": np.round(ties.pixel_px[own], 1).tolist()}
 
 
-def side_json(last: LiveAdjustment | None, asked: SideView) -> Json:
+def side_json(last: LiveAdjustment | None, asked: SideView) -> m.Side:
     """Return a measurement's points along it: station, height and ground below [m] with sigmas.
 
     Parameters
@@ -115,28 +122,31 @@ def side_json(last: LiveAdjustment | None, asked: SideView) -> Json:
     """
     found = None if last is None else make_side_view(last, asked.name)
     if found is None:
-        return {"points": []}
+        return {"t": "side", "points": []}
     rows = zip(found.label, found.place_m, found.sigma_m, strict=True)
+    return {"t": "side", "points": [_side_point(*row) for row in rows]}
+
+
+def _side_point(label: str, place: Floats, sigma: Floats) -> m.SidePoint:
+    pairs = zip(place, sigma, strict=True)
+    station, offset, height, ground = [
+        (number(value, _DIGITS), number(spread, _DIGITS)) for value, spread in pairs
+    ]
     return {
-        "points": [
-            {"label": label}
-            | {
-                f"{column}_m": [number(place[k], _DIGITS), number(sigma[k], _DIGITS)]
-                for k, column in enumerate(COLUMNS)
-            }
-            | {
-                "station": table_words(float(place[0]), 2),
-                "height": quantity_words(float(place[2]), float(sigma[2] or np.nan), "m"),
-                "ground": table_words(float(place[3]), 2),
-            }
-            for label, place, sigma in rows
-        ]
+        "label": label,
+        "station_m": station,
+        "offset_m": offset,
+        "height_m": height,
+        "ground_m": ground,
+        "station": table_words(float(place[0]), 2),
+        "height": quantity_words(float(place[2]), float(sigma[2] or np.nan), "m"),
+        "ground": table_words(float(place[3]), 2),
     }
 
 
 def proposals_json(
     outcomes: Outcomes, index: Mapping[str, int], labels: Collection[str], left: int
-) -> Json:
+) -> m.Proposals:
     """Return all search results of some labels.
 
     Parameters
@@ -150,19 +160,27 @@ def proposals_json(
     left
         Number of places still to be searched.
     """
-    found, asked, sure = [], [], select_certain(outcomes)
+    found: list[m.Proposal] = []
+    asked: list[m.Asked] = []
+    sure = select_certain(outcomes)
     for (image, label), one in outcomes.items():
         if label not in labels:
             continue
-        key = {"image": index[image], "label": label}
+        key: m.PhotoLabel = {"image": index[image], "label": label}
         if one.found is not None:
             place = one.found
             found.append(
-                key
-                | {"u_px": place.u_px, "v_px": place.v_px, "sigma_px": place.sigma_px}
-                | {"score": place.score, "source": place.source}
-                | {"from_image": index.get(place.from_image), "is_sure": (image, label) in sure}
+                {
+                    **key,
+                    "u_px": place.u_px,
+                    "v_px": place.v_px,
+                    "sigma_px": place.sigma_px,
+                    "score": place.score,
+                    "source": place.source,
+                    "from_image": index.get(place.from_image),
+                    "is_sure": (image, label) in sure,
+                }
             )
         elif one.is_asked:
-            asked.append(key | {"why": one.why})
+            asked.append({**key, "why": one.why})
     return {"labels": sorted(labels), "found": found, "asked": asked, "left": left}

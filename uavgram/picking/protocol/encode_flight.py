@@ -8,7 +8,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import Track
 from uavgram.model.naming import PLATE_CORNERS, Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.picking.protocol.encode_places import Json, number
+from uavgram.picking.protocol import messages as m
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.views.flight_plan import LineRow, PlateRow, line_rows, plate_rows, plate_side
 from uavgram.views.sentence_units import convert_sentence
@@ -21,7 +21,7 @@ BEFORE_AND_AFTER = 0.25
 MIN_BEFORE_S = 5.0
 
 
-def flight_json(survey: LiveSurvey) -> Json | None:
+def flight_json(survey: LiveSurvey) -> m.Flight | None:
     """Return the track around the photos; None without seed poses.
 
     ``track`` is [UTC time s, east m, north m], empty where the photos state their own places.
@@ -32,7 +32,7 @@ def flight_json(survey: LiveSurvey) -> Json | None:
     track, vertices = posed.telemetry.track, np.zeros((0, 3))
     if isinstance(track, Track):
         vertices = cut_track(track, posed.frames.time_utc_s)
-    return {"track": [[number(t, 2), number(e, 2), number(n, 2)] for t, e, n in vertices.tolist()]}
+    return {"track": [(t, e, n) for t, e, n in vertices.round(2).tolist()]}
 
 
 def cut_track(track: Track, time_utc_s: Floats) -> Floats:
@@ -64,7 +64,7 @@ NOT_SOUGHT = (
 )
 
 
-def planned_json(planned: FlightPlanned | None, units: Units, *, sought: bool) -> Json:
+def planned_json(planned: FlightPlanned | None, units: Units, *, sought: bool) -> m.Planned:
     """Return the planned lines and plates in their order: names, labels and places in words.
 
     Lengths are words only: a planned length is no reading of a tape.
@@ -89,7 +89,7 @@ def planned_json(planned: FlightPlanned | None, units: Units, *, sought: bool) -
     }
 
 
-def _line(row: LineRow, units: Units) -> Json:
+def _line(row: LineRow, units: Units) -> m.PlannedLine:
     return {
         "name": row.name,
         "start": row.start,
@@ -100,7 +100,7 @@ def _line(row: LineRow, units: Units) -> Json:
     }
 
 
-def _plate(row: PlateRow, side: str, units: Units) -> Json:
+def _plate(row: PlateRow, side: str, units: Units) -> m.PlannedPlate:
     return {
         "name": row.name,
         "side": side,

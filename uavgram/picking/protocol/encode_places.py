@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from uavgram.estimation.measuring.predicted_pixels import PredictedPixels
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
+from uavgram.picking.protocol import messages as m
 from uavgram.pipeline.pick.live_survey import LiveAdjustment
 from uavgram.pipeline.pick.places import KnownPlaces
-
-Json = dict[str, Any]
 
 _DIGITS = 7
 
@@ -29,7 +27,7 @@ def numbers(values: Iterable[float], digits: int = _DIGITS) -> list[float | None
     return [number(value, digits) for value in values]
 
 
-def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
+def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[m.Predicted]:
     """Return the expected places of points with known coordinates."""
     return places_json(places.frame_id, places.label, places, index)
 
@@ -39,7 +37,7 @@ def places_json(
     labels: Sequence[str],
     places: KnownPlaces | PredictedPixels,
     index: Mapping[str, int],
-) -> list[Json]:
+) -> list[m.Predicted]:
     """Return labels in photos in which they are not picked, with error ellipses.
 
     Parameters
@@ -51,19 +49,20 @@ def places_json(
     index
         Numbers of the photos by name.
     """
-    rows = zip(frames, labels, places.pixel_px, places.covariance_px2, strict=True)
+    pixels = places.pixel_px.round(3).tolist()
+    rows = zip(frames, labels, pixels, places.covariance_px2, strict=True)
     return [
         {
             "image": index[frame],
             "label": label,
-            "pixel_px": numbers(pixel, 3),
+            "pixel_px": (u, v),
             "spread": ellipse_json(covariance),
         }
-        for frame, label, pixel, covariance in rows
+        for frame, label, (u, v), covariance in rows
     ]
 
 
-def ellipse_json(covariance_px2: Floats) -> Json:
+def ellipse_json(covariance_px2: Floats) -> m.Spread:
     """Return one-sigma half-axes [px] and the direction of the major one from u towards v [deg]."""
     # eigenvalues in ascending order: variances along the minor and the major axis
     value, vector = np.linalg.eigh(covariance_px2)

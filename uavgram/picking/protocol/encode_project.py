@@ -15,7 +15,8 @@ from uavgram.model.camera import Calibration, CameraProvenance
 from uavgram.model.catalogue.cameras import CAMERA
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import Message
-from uavgram.picking.protocol.encode_places import Json, number
+from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.encode_places import number
 from uavgram.picking.protocol.encode_survey import messages_json
 from uavgram.picking.protocol.encode_units import quantity_words, table_words
 from uavgram.picking.protocol.parse import PhotoSize
@@ -35,7 +36,7 @@ A larger error tilts every single photo.
 """
 
 
-def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
+def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[m.Photo]:
     """Return the photos in the order of their numbers, with match to the log and seed pose."""
     posed = survey.posed
     frames = None if posed is None else posed.frames
@@ -60,7 +61,7 @@ def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
     ]
 
 
-def control_lines_json(inputs: Inputs) -> list[Json]:
+def control_lines_json(inputs: Inputs) -> list[m.ControlLine]:
     """Return lines of known position, and the labels that were picked on each."""
     lines = inputs.control_lines
     return [
@@ -75,7 +76,7 @@ def named_labels(inputs: Inputs) -> list[str]:
     return sorted(names.union(PAINTED_LABELS if is_sample(Path(inputs.project_path)) else ()))
 
 
-def sample_json(inputs: Inputs) -> Json | None:
+def sample_json(inputs: Inputs) -> m.Sample | None:
     """Return file and text of the sample's tape readings; None for other projects."""
     file = inputs.folder / TAPE_FILE
     if not is_sample(Path(inputs.project_path)) or not file.is_file():
@@ -83,7 +84,7 @@ def sample_json(inputs: Inputs) -> Json | None:
     return {"file": str(file), "text": file.read_text(encoding="utf-8", errors="replace")}
 
 
-def _seeds(posed: PosedFrames | None) -> dict[str, Json]:
+def _seeds(posed: PosedFrames | None) -> dict[str, m.SeedPose]:
     """Return seed poses by photo: centres (e n u), sigmas [m], total sigma of directions [deg]."""
     if posed is None or posed.telemetry is None:
         return {}
@@ -101,7 +102,7 @@ def _seeds(posed: PosedFrames | None) -> dict[str, Json]:
     }
 
 
-def _pairs(posed: PosedFrames | None) -> dict[str, Json]:
+def _pairs(posed: PosedFrames | None) -> dict[str, m.EventFit]:
     """Return the fit of each photo to the camera event it was paired with."""
     if posed is None or posed.pairing is None:
         return {}
@@ -116,7 +117,7 @@ def _pairs(posed: PosedFrames | None) -> dict[str, Json]:
     }
 
 
-def clock_json(survey: LiveSurvey) -> Json | None:
+def clock_json(survey: LiveSurvey) -> m.Clock | None:
     """Return the camera clock minus UTC as assumed before the adjustment; None without a log."""
     posed = survey.posed
     if posed is None or posed.telemetry is None or survey.inputs.log is None:
@@ -133,7 +134,7 @@ def clock_json(survey: LiveSurvey) -> Json | None:
     }
 
 
-def camera_json(survey: LiveSurvey) -> Json:
+def camera_json(survey: LiveSurvey) -> m.Camera:
     """Return the camera: parameters, sigmas, their source, and remarks."""
     inputs = survey.inputs
     calibration = inputs.calibration

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Reason
 from uavgram.model.result.tables import PickResults
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_remedies import remedies_json
 from uavgram.stages.judge.verdict import make_reason
-
-Json = dict[str, Any]
 
 NOTHING = Reason(cause="", text="")
 
@@ -37,11 +35,11 @@ class Remarks:
     lines: KnownLines
     index: Mapping[str, int]
 
-    def of_message(self, message: Message) -> Json:
+    def of_message(self, message: Message) -> m.Remark:
         """Encode a warning that is no reason of the verdict."""
         return self.json(make_reason(message), message)
 
-    def json(self, reason: Reason, at_length: Message | None = None) -> Json:
+    def json(self, reason: Reason, at_length: Message | None = None) -> m.Remark:
         """Encode a reason of the verdict.
 
         Parameters
@@ -64,7 +62,7 @@ class Remarks:
             "show": self._show(reason),
         }
 
-    def _show(self, reason: Reason) -> Json | None:
+    def _show(self, reason: Reason) -> m.PhotoLabel | None:
         """Return the worst-fitting of the picks that a reason names; None if it names none.
 
         For a length, in a photo that shows both ends, if there is one: the length is drawn there.
@@ -74,7 +72,8 @@ class Remarks:
         if not frames and not labels:
             return None
         frames = frames or self._photos_of(ends)
-        worst, size = None, -1.0
+        worst: m.PhotoLabel | None = None
+        size = -1.0
         for row, (image, label) in enumerate(zip(self.picks.image, self.picks.label, strict=True)):
             named = (not frames or image in frames) and (not labels or label in labels)
             if not named or image not in self.index:

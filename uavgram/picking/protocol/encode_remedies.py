@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 from uavgram.model.message import Correction, Remedy
 from uavgram.model.observations import KnownLines
-
-Json = dict[str, Any]
+from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.messages import Json
 
 
 def remedies_json(
     remedies: Iterable[Remedy | None], lines: KnownLines, index: Mapping[str, int]
-) -> list[Json]:
+) -> list[m.Mend]:
     """Return the button text and the changes of each remedy that edits the inputs.
 
     A remedy that asks to read a length again changes nothing by itself: it ``opens`` that length.
@@ -30,15 +29,19 @@ def remedies_json(
     Notes ----- A remedy for a photo or a length that the page does not have is left out: applying
     half of it would be worse than nothing.
     """
-    found: list[Json] = []
+    found: list[m.Mend] = []
     for remedy in dict.fromkeys(one for one in remedies if one is not None):
         if remedy.action == "read":
             names = [one.length for one in remedy.corrections]
             if all(lines.name.count(name) == 1 for name in names):
                 found.append({"words": remedy.words, "changes": [], "opens": names[0]})
             continue
-        changes = [_change(one, lines, index) for one in remedy.corrections]
-        if changes and all(changes):
+        changes = [
+            change
+            for one in remedy.corrections
+            if (change := _change(one, lines, index)) is not None
+        ]
+        if changes and len(changes) == len(remedy.corrections):
             found.append({"words": remedy.words, "changes": changes})
     return found
 

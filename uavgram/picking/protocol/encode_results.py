@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol import messages as m
 from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.sentence_units import convert_sentence, exact_lengths, list_names_like_lengths
 from uavgram.views.survey.verdict import (
@@ -16,7 +16,7 @@ from uavgram.views.survey.verdict import (
 from uavgram.views.units import units_of
 
 
-def results_json(result: Result) -> Json:
+def results_json(result: Result) -> m.Results:
     """Return verdict, measurements and case of a result, in the units of its project."""
     words, units = verdict_words(result), units_of(result)
     keep, exact = list_names_like_lengths(result), exact_lengths(result)
@@ -32,7 +32,7 @@ def results_json(result: Result) -> Json:
         "others": [in_project_units(reason.text) for reason in words.reasons[1:]],
         "scale": in_project_units(words.scale),
         "counts": words.counts,
-        "case": [list(pair) for pair in case_from_options(result.provenance.options)],
+        "case": list(case_from_options(result.provenance.options)),
         "made": result.provenance.created_utc,
         "measurements": [
             {

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -16,10 +15,9 @@ from uavgram.model.naming import counted, listed
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
+from uavgram.picking.protocol import messages as m
 from uavgram.views.formatting import UNIT_WORDS, number, size_text
 from uavgram.views.survey.verdict import STATUS_WORDS, list_named_picks
-
-Json = dict[str, Any]
 
 READING_ERROR_M = 0.1
 """Assumed error of a misread tape [m]: one digit of the decimetres, at least.
@@ -45,7 +43,7 @@ _CAMERA_WORDS = {
 REJECTED_PHOTO = "It does not fit the others and was left out."
 
 
-def encode_point_statuses(result: Result) -> dict[str, Json]:
+def encode_point_statuses(result: Result) -> dict[str, m.Trust]:
     """Return the status of each point, and its reason."""
     picks, named = result.picks, list_named_picks(result.verdict)
     redundancy: dict[str, float] = {}
@@ -71,7 +69,7 @@ def encode_point_statuses(result: Result) -> dict[str, Json]:
     return standings
 
 
-def encode_length_statuses(result: Result) -> list[Json]:
+def encode_length_statuses(result: Result) -> list[m.LengthTrust]:
     """Return the status of each known length, its reason, and its minimal detectable bias."""
     return [
         {**_length(result, i), "shows": shows}
@@ -79,7 +77,7 @@ def encode_length_statuses(result: Result) -> list[Json]:
     ]
 
 
-def _length(result: Result, i: int) -> Json:
+def _length(result: Result, i: int) -> m.Trust:
     lines = result.lines
     own: tuple[MeasurementStatus, str] = ("ok", "")
     if lines.status[i] == "removed":
@@ -94,10 +92,10 @@ def _length(result: Result, i: int) -> Json:
     return _worse_status(result.verdict, own, reasons)
 
 
-def encode_photo_statuses(result: Result) -> list[Json]:
+def encode_photo_statuses(result: Result) -> list[m.Trust]:
     """Return the status of each photo, and its reason."""
     frames, verdict = result.frames, result.verdict
-    standings = []
+    standings: list[m.Trust] = []
     for name, status in zip(frames.frame_id, frames.status, strict=True):
         reasons = [reason for reason in verdict.reasons if name in reason.frames]
         if status == "rejected":
@@ -115,7 +113,7 @@ _RANK: dict[MeasurementStatus, int] = {"ok": 0, "not-checked": 1, "doubtful": 2,
 
 def _worse_status(
     verdict: Verdict, own: tuple[MeasurementStatus, str], reasons: Iterator[Reason]
-) -> Json:
+) -> m.Trust:
     """Return the worse of a row's own status and the status that follows from the verdict.
 
     In a red result no row is ok: a row that a reason names is contradicted, all others doubtful.

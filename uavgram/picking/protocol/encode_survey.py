@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from uavgram.model.naming import Units
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.result import Result
 from uavgram.picking.document.state import Pick, State
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_places import (
     ellipse_json,
     number,
@@ -24,7 +24,6 @@ from uavgram.picking.protocol.encode_places import (
 )
 from uavgram.picking.protocol.encode_statuses import (
     describe_unchecked,
-    describe_undetectable,
     encode_length_statuses,
     encode_photo_statuses,
     encode_point_statuses,
@@ -37,8 +36,6 @@ from uavgram.views.formatting import KNOWN_STATUS_WORDS, alternatives_text
 from uavgram.views.survey.verdict import list_named_picks
 from uavgram.views.units import INCH_M, spread_text, value_text
 
-Json = dict[str, Any]
-
 _PIXEL_DIGITS = 4
 METRES_OF_A_DEGREE = 111_320.0
 """Length of a degree of a great circle."""
@@ -46,7 +43,7 @@ TAG_M = 0.1
 """Sigma to which the height beside a label is rounded, at least."""
 
 
-def state_json(state: State, index: Mapping[str, int]) -> Json:
+def state_json(state: State, index: Mapping[str, int]) -> m.PickedState:
     """Return a whole state; `index` numbers the photos."""
     return {
         "picks": [_pick(pick, index) for pick in state.picks if not pick.again],
@@ -56,7 +53,7 @@ def state_json(state: State, index: Mapping[str, int]) -> Json:
     }
 
 
-def difference_json(before: State, after: State, index: Mapping[str, int]) -> Json:
+def difference_json(before: State, after: State, index: Mapping[str, int]) -> m.Difference:
     """Return the changes that turn one displayed state into another.
 
     Parameters
@@ -66,11 +63,11 @@ def difference_json(before: State, after: State, index: Mapping[str, int]) -> Js
     index
         Numbers of the photos by name.
     """
-    difference: Json = {}
+    difference: m.Difference = {}
     old = {pick.key: pick for pick in before.picks if not pick.again}
     new = {pick.key: pick for pick in after.picks if not pick.again}
     put = [_pick(pick, index) for key, pick in new.items() if old.get(key) != pick]
-    gone = [[index[image], label] for image, label in old if (image, label) not in new]
+    gone = [(index[image], label) for image, label in old if (image, label) not in new]
     if put or gone:
         difference["picks"] = {"put": put, "gone": gone}
     if (repeated := _repeated(after, index)) != _repeated(before, index):
@@ -82,37 +79,49 @@ def difference_json(before: State, after: State, index: Mapping[str, int]) -> Js
     return difference
 
 
-def _repeated(state: State, index: Mapping[str, int]) -> list[tuple[int, str]]:
+def _repeated(state: State, index: Mapping[str, int]) -> list[m.Pair]:
     """Return photo and label of each repeated click, in their order."""
     return [(index[pick.image], pick.label) for pick in state.picks if pick.again]
 
 
-def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
+def _pick(pick: Pick, index: Mapping[str, int]) -> m.Pick:
     """Encode a pick; fields on its origin are left out for a person's pick."""
-    told = {**vars(pick), "image": index[pick.image], "from_image": index.get(pick.from_image)}
-    del told["again"]
-    if pick.source == "hand":
-        for name in ("source", "score", "from_image", "from_u_px", "from_v_px"):
-            del told[name]
+    told: m.Pick = {
+        "image": index[pick.image],
+        "label": pick.label,
+        "u_px": pick.u_px,
+        "v_px": pick.v_px,
+        "sigma_px": pick.sigma_px,
+        "height_m": pick.height_m,
+        "height_sigma_m": pick.height_sigma_m,
+        "is_free": pick.is_free,
+        "area": pick.area,
+    }
+    if pick.source != "hand":
+        told["source"] = pick.source
+        told["score"] = pick.score
+        told["from_image"] = index.get(pick.from_image)
+        told["from_u_px"] = pick.from_u_px
+        told["from_v_px"] = pick.from_v_px
     return told
 
 
-def _request(request: MeasurementRequest) -> Json:
-    parameters = dict(request.parameters)
-    return {**vars(request), "points": list(request.points), "parameters": parameters}
+def _request(request: MeasurementRequest) -> m.Measurement:
+    return {
+        "name": request.name,
+        "kind": request.kind,
+        "points": list(request.points),
+        "parameters": dict(request.parameters),
+    }
 
 
-def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> Json:
+def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> m.Adjusted:
     """Encode a full adjustment."""
     result = adjusted.result
     return {
         "mode": "adjusted",
-        "seconds": number(adjusted.seconds, 3),
-        "verdict": {
-            **verdict_json(result, adjusted.observed.lines, index),
-            "reasons": len(result.verdict.reasons),
-            "unseen": describe_undetectable(result),
-        },
+        "seconds": round(adjusted.seconds, 3),
+        "verdict": verdict_json(result, adjusted.observed.lines, index),
         "points": _points(adjusted),
         "picks": _picks(adjusted, index),
         "predicted": places_json(
@@ -132,15 +141,15 @@ def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> Json:
     }
 
 
-def messages_json(messages: Iterable[Message]) -> list[Json]:
+def messages_json(messages: Iterable[Message]) -> list[m.Note]:
     """Return remarks without duplicates, warnings and errors first, grouped by kind."""
     return [
-        {"level": m.level, "code": m.code, "text": m.text, "labels": list(m.labels)}
-        for m in order_messages(*messages)
+        {"level": one.level, "code": one.code, "text": one.text, "labels": list(one.labels)}
+        for one in order_messages(*messages)
     ]
 
 
-def linearised_json(quick: LinearUpdate, index: Mapping[str, int]) -> Json:
+def linearised_json(quick: LinearUpdate, index: Mapping[str, int]) -> m.Linearised:
     """Encode a first-order update: new values only; everything else stays unchanged."""
     base = quick.base.result
     survey = quick.base.adjustment.survey
@@ -150,8 +159,13 @@ def linearised_json(quick: LinearUpdate, index: Mapping[str, int]) -> Json:
     return {
         "mode": "linearised",
         "residuals_px": [
-            [index[survey.frame_id[f]], survey.label[k], *numbers(residual, _PIXEL_DIGITS)]
-            for f, k, residual in picks
+            (
+                index[survey.frame_id[f]],
+                survey.label[k],
+                number(u, _PIXEL_DIGITS),
+                number(v, _PIXEL_DIGITS),
+            )
+            for f, k, (u, v) in picks
         ],
         "lines": _length_words(base, quick.length_m),
         "measurements": _value_words(base, quick.value, places),
@@ -164,7 +178,7 @@ def linearised_json(quick: LinearUpdate, index: Mapping[str, int]) -> Json:
     }
 
 
-def _length_words(result: Result, length_m: Floats) -> dict[str, Json]:
+def _length_words(result: Result, length_m: Floats) -> dict[str, m.LengthWords]:
     """Return the adjusted length of each line, in a table and beside it."""
     lines = result.lines
     return {
@@ -178,9 +192,10 @@ def _length_words(result: Result, length_m: Floats) -> dict[str, Json]:
 
 def _value_words(
     result: Result, value: Floats, places: Mapping[str, Sequence[float]]
-) -> dict[str, Json]:
+) -> dict[str, m.ValueWords]:
     """Return each measured value with its sigma, and latitude or longitude of a coordinate."""
-    rows, words = result.measurements, {}
+    rows = result.measurements
+    words: dict[str, m.ValueWords] = {}
     for i, name in enumerate(rows.name):
         one, sigma = float(value[i]), float(rows.sigma[i])
         words[name] = {"text": quantity_words(one, sigma, rows.unit[i]), "grade": "", "earth": ""}
@@ -203,10 +218,10 @@ def _degree_places(sigma_m: float) -> int:
     return min(max(1 - math.floor(math.log10(sigma_m / METRES_OF_A_DEGREE)), 4), 8)
 
 
-def _height_words(height_m: float, sigma_m: float) -> Json:
+def _height_words(height_m: float, sigma_m: float) -> m.HeightWords:
     """Return the height of a point off the ground: in a table, in a sentence, beside its label."""
     if not math.isfinite(height_m):
-        return {}
+        return {"height": "", "sentence": "", "tag": ""}
     away, is_below = abs(height_m), height_m < 0
     side = f"{'below' if is_below else 'above'} the ground"
 
@@ -221,29 +236,26 @@ def _height_words(height_m: float, sigma_m: float) -> Json:
     return {"height": quantity_words(height_m, sigma_m, "m"), "sentence": sentence, "tag": tag}
 
 
-def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
+def unadjusted_json(why: str, messages: Iterable[Message]) -> m.Unadjusted:
     """Return the answer when no adjustment is possible yet, with the reason."""
     return {"mode": "none", "why": why, "messages": messages_json(messages)}
 
 
-def _points(adjusted: LiveAdjustment) -> Json:
+def _points(adjusted: LiveAdjustment) -> dict[str, m.AdjustedPoint]:
     """Return sigmas of the points in the survey and relative to neighbours, and their heights."""
     points, standings = adjusted.result.points, encode_point_statuses(adjusted.result)
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
-    found: Json = {
+    height_m = np.where(points.is_off_ground, points.height_above_ground_m, np.nan)
+    return {
         label: {
             "sigma_m": numbers(sigma[k]),
             "sigma": partial(_small_words, float(points.neighbour_sigma_m[k])),
             "neighbours": list(points.neighbours[k]),
             **standings[label],
+            **_height_words(float(height_m[k]), float(points.height_sigma_m[k])),
         }
         for k, label in enumerate(points.label)
     }
-    for k in np.flatnonzero(points.is_off_ground):
-        found[points.label[k]] |= _height_words(
-            float(points.height_above_ground_m[k]), float(points.height_sigma_m[k])
-        )
-    return found
 
 
 def _small_words(sigma_m: float, units: Units) -> str:
@@ -255,7 +267,7 @@ def _small_words(sigma_m: float, units: Units) -> str:
     return f"{1000.0 * sigma_m:.{1 if sigma_m < 0.01 else 0}f}"
 
 
-def _picks(adjusted: LiveAdjustment, index: Mapping[str, int]) -> list[Json]:
+def _picks(adjusted: LiveAdjustment, index: Mapping[str, int]) -> list[m.Fit]:
     picks, survey = adjusted.result.picks, adjusted.adjustment.survey
     named = list_named_picks(adjusted.result.verdict)
     spread = {
@@ -277,7 +289,7 @@ def _picks(adjusted: LiveAdjustment, index: Mapping[str, int]) -> list[Json]:
     ]
 
 
-def _frames(result: Result, index: Mapping[str, int]) -> Json:
+def _frames(result: Result, index: Mapping[str, int]) -> dict[str, m.PhotoFit]:
     """Return status by photo; for adjusted ones the sigmas of the centre (e n u) and its shift."""
     frames, standings = result.frames, encode_photo_statuses(result)
     sigma = np.sqrt(np.einsum("fii->fi", frames.refined.covariance))
@@ -293,7 +305,7 @@ def _frames(result: Result, index: Mapping[str, int]) -> Json:
     }
 
 
-def _clock(result: Result) -> Json | None:
+def _clock(result: Result) -> m.ClockOffset | None:
     """Return the camera clock minus UTC after the adjustment; None without a log."""
     offset = result.shared.clock_offset_s
     if offset is None:
@@ -301,7 +313,7 @@ def _clock(result: Result) -> Json | None:
     return {"text": quantity_words(float(offset.value[0]), float(offset.sigma[0]), "s")}
 
 
-def _lines(adjusted: LiveAdjustment) -> Json:
+def _lines(adjusted: LiveAdjustment) -> dict[str, m.LengthFit]:
     lines, standings = adjusted.result.lines, encode_length_statuses(adjusted.result)
     words = _length_words(adjusted.result, lines.adjusted_m)
     return {
@@ -316,7 +328,7 @@ def _lines(adjusted: LiveAdjustment) -> Json:
     }
 
 
-def _measurements(adjusted: LiveAdjustment) -> Json:
+def _measurements(adjusted: LiveAdjustment) -> dict[str, m.Measured]:
     result = adjusted.result
     found, standings = result.measurements, encode_measurement_statuses(result)
     evidence = result.evidence
@@ -337,7 +349,7 @@ def _measurements(adjusted: LiveAdjustment) -> Json:
     }
 
 
-def _checks(adjusted: LiveAdjustment) -> list[Json]:
+def _checks(adjusted: LiveAdjustment) -> list[m.Check]:
     points = adjusted.result.point_checks
     return [
         {
@@ -354,7 +366,7 @@ def _checks(adjusted: LiveAdjustment) -> list[Json]:
     ]
 
 
-def _control_lines(result: Result) -> Json:
+def _control_lines(result: Result) -> dict[str, m.ControlLineFit]:
     """Return the offset of the points picked on each known line from it, and its fit, by name."""
     lines = result.control_lines
     return {
@@ -368,7 +380,7 @@ def _control_lines(result: Result) -> Json:
     }
 
 
-def _advice(adjusted: LiveAdjustment) -> Json | None:
+def _advice(adjusted: LiveAdjustment) -> m.Advice | None:
     advice, label = adjusted.advice, adjusted.adjustment.survey.label
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
         return None

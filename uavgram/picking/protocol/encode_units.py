@@ -7,12 +7,13 @@ gets numbers in metres beside it where it draws them or where people edit them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
 
 from uavgram.model.naming import Units
 from uavgram.picking.document.state import State
+from uavgram.picking.protocol.messages import Words
 from uavgram.views.sentence_units import convert_sentence, select_like_lengths, sorted_magnitudes
 from uavgram.views.units import format_fixed, quantity, table_unit, value_text
 
@@ -21,10 +22,6 @@ SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "show
 
 _WITHOUT = frozenset({"state", "diff", "picks", "predicted", "expected", "found", "asked"})
 """Keys below which there are no sentences, but much other data."""
-
-
-Words = Callable[[Units], str]
-"""Text of a number in some units."""
 
 
 def quantity_words(value: float, sigma: float, unit: str) -> Words:

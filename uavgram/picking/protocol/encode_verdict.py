@@ -7,21 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_remarks import NOTHING, Remarks
+from uavgram.picking.protocol.encode_statuses import describe_undetectable
 from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.survey.verdict import STATUS_WORDS, summarise_result
 
-Json = dict[str, Any]
 
-
-def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) -> Json:
-    """Return colour and reasons.
+def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) -> m.Verdict:
+    """Return colour, reasons, and lengths in which a wrong reading would not show.
 
     ``first`` is the likeliest reason in a sentence or two. ``why`` holds all reasons, with their
     statistics where these add something, then all other warnings.
@@ -39,13 +38,15 @@ def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) ->
     first = remarks.json(verdict.reasons[0] if verdict.reasons else NOTHING)
     told = [remarks.json(reason, _at_length(reason, result.messages)) for reason in verdict.reasons]
     reasons = {one["text"] for one in told}
-    warned = [m for m in dict.fromkeys(result.messages) if m.level != "info"]
-    more = [remarks.of_message(m) for m in warned if m.text not in reasons]
+    warned = [one for one in dict.fromkeys(result.messages) if one.level != "info"]
+    more = [remarks.of_message(one) for one in warned if one.text not in reasons]
     return {
         "level": verdict.level,
         "words": summarise_result(result),
         "first": first,
         "why": [one for one in (*told, *more) if one["text"] != first["text"]],
+        "reasons": len(verdict.reasons),
+        "unseen": describe_undetectable(result),
     }
 
 
@@ -58,11 +59,11 @@ def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
     return None
 
 
-def encode_measurement_statuses(result: Result) -> list[Json]:
+def encode_measurement_statuses(result: Result) -> list[m.Trust]:
     """Return the status of each measurement: a word unless it is ok, and the reason."""
     rows = result.measurements
     unseen = {link["name"]: _sentence(link["weakest"]) for link in weakest_links(result)}
-    standings = []
+    standings: list[m.Trust] = []
     is_red = result.verdict.level == "red"
     for name, points, value, found in zip(
         rows.name, rows.points, rows.value.tolist(), rows.status, strict=True

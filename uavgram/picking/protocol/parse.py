@@ -105,11 +105,11 @@ def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
 
 def _parse(fields: _Fields, seq: int) -> Message:
     kind = fields.text("t")
-    if kind not in _KINDS:
+    if kind not in KINDS:
         _refuse(f"there is no command {kind!r}")
     step = fields.integer("step", default=0)
     final = fields.flag("final", default=True)
-    command = _KINDS[kind]
+    command = KINDS[kind]
     return Message(seq=seq, step=step, final=final, body=_read(command, fields))
 
 
@@ -283,7 +283,7 @@ class _Fields:
                 _refuse(f"{name} must hold objects")
             inner = _Fields(value, self._photos)
             kind = inner.text("t")
-            change = _read(_KINDS[kind], inner) if kind in _KINDS else None
+            change = _read(KINDS[kind], inner) if kind in KINDS else None
             if not isinstance(change, c.SingleChange):
                 _refuse(f"{kind!r} is no change that can be made together with others")
             found.append(change)
@@ -360,7 +360,7 @@ _OWN_READERS: dict[type[Body], dict[str, Callable[[_Fields], object]]] = {
     c.Swap: {"image": lambda f: f.other_photo("image")},
 }
 
-_KINDS: dict[str, type[Body]] = {
+KINDS: dict[str, type[Body]] = {
     "place": c.Place,
     "repeat": c.Repeat,
     "accept": c.Accept,

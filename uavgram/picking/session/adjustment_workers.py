@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document.state import State, make_observations
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_survey import (
-    Json,
     adjusted_json,
     linearised_json,
     unadjusted_json,
@@ -41,7 +41,7 @@ REST_S = 0.3
 """Pause of a step after which it is adjusted in full, though it may continue [s]."""
 
 
-Answer = Callable[[int, Json], None]
+Answer = Callable[[int, m.Adjustment], None]
 """Receiver of a state's number and its results, called from a worker's thread."""
 
 
@@ -152,7 +152,7 @@ class AdjustmentWorkers:
                     return task
         return None
 
-    def _full(self, task: Task) -> tuple[LiveAdjustment | None, Json]:
+    def _full(self, task: Task) -> tuple[LiveAdjustment | None, m.Adjusted | m.Unadjusted]:
         try:
             adjusted = self._survey.adjust(collect_observations(task.state))
             return adjusted, adjusted_json(adjusted, self._index)

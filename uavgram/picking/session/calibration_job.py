@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,7 +18,7 @@ from uavgram.io.folders import PhotoFolder
 from uavgram.model.board import CalibrationOptions
 from uavgram.picking.document.commands import Calibrate
 from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol import messages as m
 from uavgram.pipeline.cameras.calibrate import (
     CAMERA,
     REPORT,
@@ -53,15 +53,16 @@ class CalibrationJob:
         Camera file written by the last calibration; None if there is none.
     """
 
-    def __init__(self, project: Path, broadcast: Callable[[Json], None]) -> None:
+    def __init__(self, project: Path, broadcast: m.Broadcast) -> None:
         self._project = project
         self._broadcast = broadcast
         self._listed: dict[Path, int] = {}
         self._folders: dict[int, PhotoFolder] = {}
         self._thread: threading.Thread | None = None
         self._stopped = threading.Event()
-        self.last_message: Json = {}
+        self.last_message: m.Calibration | None = None
         self.made: Path | None = None
+        self.made_for: m.CalibrationResult | None = None
 
     @property
     def report(self) -> Path | None:
@@ -71,9 +72,9 @@ class CalibrationJob:
     @property
     def is_busy(self) -> bool:
         """Return whether a calibration is running; false once its end was sent."""
-        return self.last_message.get("state") == "running"
+        return self.last_message is not None and self.last_message["state"] == "running"
 
-    def folders(self) -> list[Json]:
+    def folders(self) -> list[m.Folder]:
         """Return the folders near the project that hold photos; each keeps its number."""
         found = find_board_folders(self._project)
         beside = self._project.absolute().parent
@@ -105,7 +106,7 @@ class CalibrationJob:
             raise RefusedError(f"there is no folder {asked.folder}")
         parse_board(asked.board)
         self._stopped.clear()
-        self._send(state="running", what="reading the photos", done=0, total=len(folder.files))
+        self._send_progress("reading the photos", 0, len(folder.files))
         self._thread = threading.Thread(
             target=self._work, args=(folder, asked), name="calibration", daemon=True
         )
@@ -123,29 +124,39 @@ class CalibrationJob:
 
     def _work(self, folder: PhotoFolder, asked: Calibrate) -> None:
         options = CalibrationOptions(model=asked.model)
-        end: Json = {"state": "failed", "why": BROKEN_OFF}  # unless it ends otherwise
+        end: m.Calibration = _failed(BROKEN_OFF)  # unless it ends otherwise
         try:
             done = calibrate_folder(self._project, folder, asked.board, options, self._progress)
-            end = {"state": "done", **_result(done, self._project.absolute().parent)}
-            self.made = done.folder / CAMERA
+            result = _result(done, self._project.absolute().parent)
+            end = {"t": "calibration", "state": "done", **result}
+            self.made, self.made_for = done.folder / CAMERA, result
         except UavgramError as why:
-            end = {"state": "failed", "why": str(why)}
+            end = _failed(str(why))
         finally:
-            self._send(**end)  # last statement of the job: the next one may begin
+            self._send(end)  # last statement of the job: the next one may begin
 
     def _progress(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
         for k, item in enumerate(items):
             if self._stopped.is_set():
                 raise RefusedError("stopped; nothing was written")
-            self._send(state="running", what=what, done=k + 1, total=total)
+            self._send_progress(what, k + 1, total)
             yield item
 
-    def _send(self, **what: object) -> None:
-        self.last_message = {"t": "calibration", **what}
-        self._broadcast(self.last_message)
+    def _send_progress(self, what: str, done: int, total: int) -> None:
+        self._send(
+            {"t": "calibration", "state": "running", "what": what, "done": done, "total": total}
+        )
+
+    def _send(self, message: m.Calibration) -> None:
+        self.last_message = message
+        self._broadcast(message)
 
 
-def _result(done: CalibrationOutput, beside: Path) -> Json:
+def _failed(why: str) -> m.CalibrationFailed:
+    return {"t": "calibration", "state": "failed", "why": why}
+
+
+def _result(done: CalibrationOutput, beside: Path) -> m.CalibrationResult:
     """Return the findings of a calibration in words."""
     camera = done.account.result.calibration
     verdict = judge_calibration(done.account)
@@ -153,7 +164,7 @@ def _result(done: CalibrationOutput, beside: Path) -> Json:
         "verdict": verdict.sentence,
         "reasons": list(verdict.reasons),
         "counts": verdict.counts,
-        "facts": [list(fact) for fact in calibration_facts(done.account)],
+        "facts": list(calibration_facts(done.account)),
         "file": _short(done.folder / CAMERA, beside),
         "width_px": camera.width_px,
         "height_px": camera.height_px,

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn, cast
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
@@ -21,7 +21,7 @@ from uavgram.model.limits import LONGEST_NAME, find_unshowable, value_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
 from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol import messages as m
 from uavgram.pipeline.new import PROJECT, Choices
 from uavgram.pipeline.setup import CASE, FolderSummary, Setup, SetupChoices, inspect_folder, set_up
 
@@ -55,7 +55,7 @@ class FolderChooser:
         if named is not None:
             self.choose(named)
 
-    def beginning(self) -> Json:
+    def beginning(self) -> m.Beginning:
         """Return the start of the page: the folder to set up at once, or the choice of one."""
         named = self._named
         chosen = named if named is not None else self._present()
@@ -110,7 +110,7 @@ class FolderChooser:
     def _project(self, folder: Path) -> Path:
         return folder / self._files.get(folder, PROJECT)
 
-    def listed(self, number: str) -> Json:
+    def listed(self, number: str) -> m.ListedFolders:
         """Return the folders in a folder, and the path to it; an empty number lists the roots.
 
         Raises
@@ -140,7 +140,7 @@ class FolderChooser:
             "folders": [self._listed(one) for one in self._folders.folders_in(folder)],
         }
 
-    def looked(self, number: str) -> Json:
+    def looked(self, number: str) -> m.Found:
         """Return the files of a folder that a project can use.
 
         Raises
@@ -153,13 +153,8 @@ class FolderChooser:
         setup = asdict(found.setup)
         units = {units: word for word, units in SHORT_FORMS.items()}.get(found.setup.units, "")
         setup |= {"units": units, "case": {key: getattr(found.setup.case, key) for key in CASE}}
-        return {
-            "number": self._number(folder),
-            "name": self._name(folder),
-            "path": str(folder),
-            **asdict(found),
-            "setup": setup,
-        }
+        own = {"number": self._number(folder), "name": self._name(folder), "path": str(folder)}
+        return cast("m.Found", asdict(found) | own | {"setup": setup})
 
     def picture(self, number: str, group: str) -> bytes:
         """Return a JPEG of the first photo of a group.
@@ -223,7 +218,7 @@ class FolderChooser:
             return "Home"
         return folder.name or str(folder)
 
-    def _listed(self, one: ListedFolder) -> Json:
+    def _listed(self, one: ListedFolder) -> m.Listed:
         return {
             "number": self._number(one.path),
             "name": self._name(one.path),

@@ -11,8 +11,8 @@ from pathlib import Path
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.files import check_own, read_own
 from uavgram.io.results.results_json import load_results
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_results import extract_plan, results_json
-from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.storage.file_watch import Stamp, stamp_of
 from uavgram.views.viewer.server import RecordingServer
 
@@ -68,7 +68,7 @@ class Outputs:
             inputs = json.loads(self.read(RESULTS) or b"")["provenance"]["inputs"]
             self.made_of = frozenset(str(one["sha256"]) for one in inputs.values())
 
-    def shown(self) -> Json | None:
+    def shown(self) -> m.Results | None:
         """Return the results in words; None if there are none or they cannot be read."""
         if not self._has(RESULTS):
             return None
@@ -86,7 +86,7 @@ class Outputs:
         """Identifier that changes with each results.json that `look` finds; empty without one."""
         return "" if self._stamp is None else "-".join(map(str, self._stamp))
 
-    def listed(self) -> list[Json]:
+    def listed(self) -> list[m.OutputFile]:
         """Return the existing files with their titles."""
         return [{"name": name, "words": words} for name, words in FILES.items() if self._has(name)]
 

@@ -14,7 +14,7 @@ from anyio import to_thread
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.calibration_job import CalibrationJob
 from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.session import PickSession
@@ -51,7 +51,7 @@ class OpenProject:
         survey: LiveSurvey,
         saver: Tables,
         run: Run,
-        broadcast: Callable[[Json], None],
+        broadcast: m.Broadcast,
         keep: Keep,
     ) -> None:
         self.picking = PickSession(survey, saver, broadcast)
@@ -94,13 +94,13 @@ class OpenProject:
         self.outputs.close()
         self.picking.stop()
 
-    def initial_state(self) -> Json:
+    def initial_state(self) -> m.InitialState:
         """Return everything that a page needs at its start."""
         return {
             **self.picking.initial_state(),
             "outputs": self._written(),
             "outside": self._outside.changed(self.picking.changed_outside()),
-            "calibration": self.calibration.last_message or None,
+            "calibration": self.calibration.last_message,
             "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
 
@@ -115,7 +115,7 @@ class OpenProject:
             self._written_then = written
             self._broadcast({"t": "outputs", "outputs": written})
 
-    async def do(self, action: c.ProjectAction) -> Json:
+    async def do(self, action: c.ProjectAction) -> m.ActionAnswer:
         """Carry out an action on the project as a whole; the answer is for that page only.
 
         Raises
@@ -127,7 +127,7 @@ class OpenProject:
             case c.Refuse():
                 self.picking.refuse(action)
             case c.Export():
-                return {"t": "exported", **await self._exported()}
+                return await self._exported()
             case c.Folders():
                 return {
                     "t": "folders",
@@ -147,19 +147,19 @@ class OpenProject:
                 await self._deal_with_aside(take=False)
         return {"t": "done"}
 
-    async def _exported(self) -> Json:
+    async def _exported(self) -> m.Exported:
         """Save and run the project; return its outputs, or the reason for none."""
         async with self._busy:  # one at a time, even if several pages ask
             self.picking.save()
             if self.picking.fault:
-                return {"why": self.picking.fault}
+                return {"t": "exported", "why": self.picking.fault}
             version = self.picking.version
             await to_thread.run_sync(self._run)
         await to_thread.run_sync(self.outputs.look)
         self._written_then = self._written()
-        written = {**self._written_then, "version": version}
+        written: m.Outputs = {**self._written_then, "version": version}
         self._broadcast({"t": "outputs", "outputs": written})
-        return {"outputs": written}
+        return {"t": "exported", "outputs": written}
 
     async def _deal_with_aside(self, *, take: bool) -> int:
         """Apply or discard the changes of an earlier session; return how many do not fit."""
@@ -178,7 +178,7 @@ class OpenProject:
     def _changes(self, aside: SetAside) -> Changes:
         return list_changes(aside, self.picking.state, self.picking.index)
 
-    def _written(self) -> Json:
+    def _written(self) -> m.Outputs:
         """Return the outputs, with the number of the present state if they were made from it."""
         made_of = self.outputs.made_of
         is_current = made_of is not None and made_of == self.picking.inputs_now()
@@ -191,10 +191,10 @@ class OpenProject:
         }
 
     async def _use_camera(self) -> None:
-        made = self.calibration.made
-        if made is None:
+        made, made_for = self.calibration.made, self.calibration.made_for
+        if made is None or made_for is None:
             raise RefusedError("no camera file was made yet")
-        made_for, photo = self.calibration.last_message, self.picking.photos[0]
+        photo = self.picking.photos[0]
         if (made_for["width_px"], made_for["height_px"]) != (photo.width_px, photo.height_px):
             raise RefusedError(
                 f"the camera file is for {made_for['width_px']} x {made_for['height_px']} px, the "

@@ -9,8 +9,9 @@ from __future__ import annotations
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict
+from typing import cast
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.cache import LruCache
@@ -21,6 +22,7 @@ from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import Outcomes, make_accept_command
 from uavgram.picking.document.state import State, make_state
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_answers import (
     proposals_json,
     same_ground_json,
@@ -39,11 +41,11 @@ from uavgram.picking.protocol.encode_project import (
     sample_json,
 )
 from uavgram.picking.protocol.encode_survey import (
-    Json,
     difference_json,
     messages_json,
     state_json,
 )
+from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
 from uavgram.picking.session.adjustment_workers import AdjustmentWorkers, Task
 from uavgram.picking.session.point_search import SearchInput
@@ -70,9 +72,7 @@ class PickSession:
         Called from any thread with messages for all pages.
     """
 
-    def __init__(
-        self, survey: LiveSurvey, saver: Tables, broadcast: Callable[[Json], None]
-    ) -> None:
+    def __init__(self, survey: LiveSurvey, saver: Tables, broadcast: m.Broadcast) -> None:
         self.survey = survey
         self._saver = saver
         self._broadcast = broadcast
@@ -92,7 +92,7 @@ class PickSession:
             self.session = Session(state=self.recovered, past=(files,))
         self.version = 0
         self.fault = ""
-        self._last_message: Json = {}
+        self._last_message: m.FullLive | None = None
         self._tiled = TiledPhotos(
             [
                 PhotoFile(path, photo.width_px, photo.height_px)
@@ -146,7 +146,7 @@ class PickSession:
         """Return the names of tables that another program changed meanwhile."""
         return self._saver.changed_outside()
 
-    def initial_state(self) -> Json:
+    def initial_state(self) -> m.PickingState:
         """Return everything that a page needs at its start."""
         inputs, posed = self.survey.inputs, self.survey.posed
         return {
@@ -175,11 +175,11 @@ class PickSession:
             ),
             "state": state_json(self.state, self.index),
             **self._standing(),
-            "live": self._last_message or None,
+            "live": self._last_message,
             "proposals": self._proposals(),
         }
 
-    def answer(self, message: Message) -> Json:
+    def answer(self, message: Message) -> m.Answer:
         """Answer a question; allowed from any thread, as nothing changes.
 
         Raises
@@ -187,19 +187,22 @@ class PickSession:
         UavgramError
             The photo cannot be read.
         """
-        if isinstance(message.body, c.Snap):
-            return {"t": "snapped", "seq": message.seq, **self._snapped(message.body)}
-        if isinstance(message.body, c.SameGround):
-            found = same_ground_json(self.survey, self._live.last, message.body, self.index)
-            return {"t": "ground", "seq": message.seq, **found}
-        if isinstance(message.body, c.SideView):
-            return {"t": "side", "seq": message.seq, **side_json(self._live.last, message.body)}
-        if isinstance(message.body, c.Ties):
-            own = ties_json(self.survey.inputs.ties, message.body)
-            return {"t": "ties", "seq": message.seq, **own}
-        raise TypeError(f"{type(message.body).__name__} is no question")
+        found: m.Answer
+        match message.body:
+            case c.Snap():
+                found = self._snapped(message.body)
+            case c.SameGround():
+                found = same_ground_json(self.survey, self._live.last, message.body, self.index)
+            case c.SideView():
+                found = side_json(self._live.last, message.body)
+            case c.Ties():
+                found = ties_json(self.survey.inputs.ties, message.body)
+            case _:
+                raise TypeError(f"{type(message.body).__name__} is no question")
+        found["seq"] = message.seq
+        return found
 
-    def _snapped(self, asked: c.Snap) -> Json:
+    def _snapped(self, asked: c.Snap) -> m.Snapped | m.NotSnapped:
         photo = self._tiled.pixels(self.index[asked.image])
         label, expected, match = asked.expected, None, None
         if label and self.state.pick(asked.image, label) is None:
@@ -207,7 +210,7 @@ class PickSession:
             expected = predict_place(self.survey, self._live.last, asked.image, label)
         return snap_json(photo, asked, expected, None if match is None else match.found)
 
-    def change(self, message: Message) -> Json:
+    def change(self, message: Message) -> m.Changed:
         """Apply a command and store it; the answer is for all pages.
 
         Raises
@@ -317,27 +320,27 @@ class PickSession:
         """Return the JPEG of a small picture of a photo; None if there is none."""
         return self._thumbnails.get(photo) if 0 <= photo < len(self.photos) else None
 
-    def _standing(self) -> Json:
+    def _standing(self) -> m.Standing:
         return {
             "version": self.version,
             "undo": len(self.session.past),
             "redo": len(self.session.future),
         }
 
-    def _expected(self) -> list[Json]:
+    def _expected(self) -> list[m.Predicted]:
         return expected_json(predict_known_places(self.survey, self._live.last), self.index)
 
     def _sought(self, outcomes: Outcomes, labels: Collection[str], left: int) -> None:
         told = proposals_json(outcomes, self.index, labels, left)
         self._broadcast({"t": "proposals", **told})
 
-    def _proposals(self) -> Json:
+    def _proposals(self) -> m.Proposals:
         outcomes = self._search.outcomes
         return proposals_json(outcomes, self.index, {label for _, label in outcomes}, 0)
 
-    def _adjusted(self, version: int, found: Json) -> None:
-        answer = {"t": "live", "for": version, **found}
-        if found["mode"] != "linearised":
+    def _adjusted(self, version: int, found: m.Adjustment) -> None:
+        answer = cast("m.Live", {"t": "live", "for": version, **found})
+        if answer["mode"] != "linearised":
             answer["expected"] = self._expected()
             self._last_message = answer
         self._broadcast(answer)

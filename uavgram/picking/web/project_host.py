@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +20,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uavgram.errors import UavgramError
 from uavgram.io.folders import PROJECT
 from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web import running_server
@@ -206,7 +205,7 @@ class ProjectHost:
         return JSONResponse({})
 
 
-async def _answer(find: Callable[..., Json], *arguments: str) -> Response:
+async def _answer(find: Callable[..., Mapping[str, object]], *arguments: str) -> Response:
     try:
         return JSONResponse(await to_thread.run_sync(find, *arguments))
     except UavgramError as why:

@@ -14,7 +14,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_units import collect_lengths, convert_units, list_kept_names
 from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
@@ -25,6 +25,8 @@ from uavgram.picking.web.routes import file_routes
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
+
+_Waiting = asyncio.Queue[m.ServerMessage]
 
 SAVE_AFTER_S = 0.4
 MAX_WAITING = 2000
@@ -52,7 +54,7 @@ class PickServer:
 
     def __init__(self, survey: LiveSurvey, saver: Tables, run: Run, keep: Keep = Tables) -> None:
         self.project = OpenProject(survey, saver, run, self._broadcast_soon, keep)
-        self._pages: set[asyncio.Queue[Json]] = set()
+        self._pages: set[_Waiting] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
         self._watching: asyncio.Task[None] | None = None
@@ -110,7 +112,7 @@ class PickServer:
             return
         await page.accept()
         pace = RateLimit()
-        waiting: asyncio.Queue[Json] = asyncio.Queue(MAX_WAITING)
+        waiting: _Waiting = asyncio.Queue(MAX_WAITING)
         waiting.put_nowait(self.project.initial_state())
         self._pages.add(waiting)
         sender = asyncio.create_task(self._send(page, waiting))
@@ -139,7 +141,7 @@ class PickServer:
             pace.warned = True
             await asyncio.sleep(wait_s)
 
-    async def _send(self, page: WebSocket, waiting: asyncio.Queue[Json]) -> None:
+    async def _send(self, page: WebSocket, waiting: _Waiting) -> None:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while waiting in self._pages:
                 message = await waiting.get()
@@ -150,7 +152,7 @@ class PickServer:
                     break
             await page.close(TRY_AGAIN_LATER)  # it missed messages: it is to reconnect
 
-    async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
+    async def _answered(self, text: str, own: _Waiting) -> m.ServerMessage:
         """Carry out a message of a page, send the changes to the other pages, and answer."""
         try:
             message = parse_message(text, self.picking.photos)
@@ -161,14 +163,18 @@ class PickServer:
             if self.project.refuses:
                 raise RefusedError(self.project.refuses)
             if isinstance(message.body, c.ProjectAction):
-                return {"seq": message.seq, **await self.project.do(message.body)}
+                answer = await self.project.do(message.body)
+                answer["seq"] = message.seq
+                return answer
             if isinstance(message.body, c.Question):
                 return await to_thread.run_sync(self.picking.answer, message)
             changed = self.picking.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not available
             log.info("refused: %s", why)
             return {"t": "refused", "seq": message.seq, "why": str(why)}
-        self._broadcast({k: v for k, v in changed.items() if k != "seq"}, but=own)
+        for_others = changed.copy()
+        for_others.pop("seq", None)
+        self._broadcast(for_others, but=own)
         self._save_soon()
         return changed
 
@@ -183,12 +189,12 @@ class PickServer:
         if not self.project.refuses:
             self.picking.save()
 
-    def _broadcast_soon(self, message: Json) -> None:
+    def _broadcast_soon(self, message: m.ServerMessage) -> None:
         """Send a message to every page, from any thread."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._broadcast, message)
 
-    def _broadcast(self, message: Json, but: asyncio.Queue[Json] | None = None) -> None:
+    def _broadcast(self, message: m.ServerMessage, but: _Waiting | None = None) -> None:
         for waiting in self._pages - {but}:
             try:
                 waiting.put_nowait(message)

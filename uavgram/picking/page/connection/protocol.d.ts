@@ -1,159 +1,257 @@
-// Messages between page and server, as JSON: types only, for the checks in .ci/page. The server builds
-// its part in protocol/encode_*.py and session/, and checks messages of the page in protocol/parse.py.
+// Messages between page and server, as JSON: written by `python -m uavgram.picking.protocol.page_types`.
 
-type Maybe = number | null; // null where Python has NaN
-
-// Ellipse of one sigma: half-axes, and the direction of the major one from u towards v.
-export interface Spread { major_px: Maybe; minor_px: Maybe; turn_deg: Maybe }
-
-// A height over the ground that was stated, or is to be estimated from photos; else the point is on the ground.
-export interface Height { height_m: Maybe; height_sigma_m?: Maybe; is_free?: boolean }
-// Origin of a pick: a person by default; for a match also the pick that it was found from.
+export type SingleChange = Place | Repeat | Unpick | Forget | Rename | Merge | Split | Swap | SetSigma | SetHeight | SetLine | RemoveLine | SetMeasurement | RemoveMeasurement;
+export type Calibration = CalibrationRunning | CalibrationFailed | CalibrationDone;
+export type Adjustment = Adjusted | Unadjusted | Linearised;
+export type FullLive = LiveAdjusted | LiveUnadjusted;
+export type Live = LiveAdjusted | LiveUnadjusted | LiveLinearised;
+export type Answer = Snapped | NotSnapped | Side | TiePlaces | Ground;
+export type ActionAnswer = Exported | PhotoFolders | Done;
+export type ServerMessage = InitialState | Changed | LiveAdjusted | LiveUnadjusted | LiveLinearised | CalibrationRunning | CalibrationFailed | CalibrationDone | Refused | Closed | Saved | Outside | NewOutputs | NewProposals | Snapped | NotSnapped | Side | TiePlaces | Ground | Exported | PhotoFolders | Done;
+export type Change = Place | Repeat | Unpick | Forget | Rename | Merge | Split | Swap | SetSigma | SetHeight | SetLine | RemoveLine | SetMeasurement | RemoveMeasurement | All | Undo | Redo | Accept;
+export type Question = Snap | SameGround | SideView | Ties | Refuse | Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera;
+export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "coordinate" | "skid_speed" | "speed" | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
 export type Source = "hand" | "match" | "target";
-interface Made { source?: Source; score?: Maybe; from_image?: Maybe; from_u_px?: Maybe; from_v_px?: Maybe }
-export interface Pick extends Height, Made { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; area: string }
-interface Reading { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean }
-type Along = "slope" | "horizontal";
-export interface Line extends Reading { tape: string; along: Along }
-export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed"
-  | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
+export type Target = "any" | "target";
+// Message of the server: `seq` of the page's message that it answers.
+export interface Sent { seq?: number | null }
+// Ellipse of one sigma: half-axes, and the direction of the major one from u towards v.
+export interface Spread { major_px: number | null; minor_px: number | null; turn_deg: number | null }
+// Height over the ground: stated, or to be estimated from photos; else it is on the ground.
+export interface Height { height_m: number | null; height_sigma_m?: number | null; is_free?: boolean }
+// Pick; the fields from `source` on are left out for a person's pick.
+export interface Pick { height_m: number | null; height_sigma_m?: number | null; is_free?: boolean; image: number; label: string; u_px: number; v_px: number; sigma_px: number | null; area: string; source?: Source; score?: number | null; from_image?: number | null; from_u_px?: number | null; from_v_px?: number | null }
+// Requested measurement.
 export interface Measurement { name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
-export interface Note { level: "error" | "warning" | "info"; code: string; text: string; labels?: string[] }
-
-// The project itself.
-
-export interface Photo {
-  name: string; digest: string; width_px: number; height_px: number; levels: number; matched: boolean; reason: string; time_utc_s: Maybe;
-  file_time_s: Maybe; // by the camera's own clock
-  seed: { east_m: Maybe; north_m: Maybe; up: string; sigma: string; turn_sigma_deg: Maybe } | null;
-  event: { status: string; residual_s: Maybe; why: string } | null;
-}
-// Brightness curve of a photo: values that become black and white, and the lift of the middle.
-export interface Tone { black: number; white: number; gamma: number }
-export interface Tones { first: Tone; stretched: Tone } // default; with the automatic stretch
-export interface Camera {
-  name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Note[];
-}
+// Everything that was picked.
+export interface PickedState { picks: Pick[]; repeated: [number, string][]; lines: Line[]; measurements: Measurement[] }
+// Picks that were placed or changed, and those that were removed.
+export interface PutPicks { put: Pick[]; gone: [number, string][] }
+// Change of the picked state: the lists that changed.
+export interface Difference { picks?: PutPicks; repeated?: [number, string][]; lines?: Line[]; measurements?: Measurement[] }
+// Message of the program.
+export interface Note { level: "info" | "warning" | "error"; code: string; text: string; labels: string[] }
+// Pose from telemetry: centre and sigmas.
+export interface SeedPose { east_m: number | null; north_m: number | null; up: string; sigma: string; turn_sigma_deg: number | null }
+// Camera event that a photo was paired with.
+export interface EventFit { status: string; residual_s: number | null; why: string }
+// Photo of the project; `file_time_s` by the camera's own clock.
+export interface Photo { name: string; digest: string; width_px: number; height_px: number; levels: number; matched: boolean; reason: string; file_time_s: number | null; time_utc_s: number | null; seed: SeedPose | null; event: EventFit | null }
+// Brightness curves of a photo: the default, and with the automatic stretch.
+export interface Tones { first: Tone; stretched: Tone }
+// Camera of the project, in words.
+export interface Camera { name: string; model: "brown" | "fisheye"; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Note[] }
+// Camera clock minus UTC.
 export interface ClockOffset { text: string }
-export interface Clock extends ClockOffset { sigma_s: Maybe; log: string; events: number; unused: string[] }
-export interface Flight { track: [number, number, number][] } // UTC time [s], east and north [m]
+// Camera clock before the adjustment, and the events of the log.
+export interface Clock { text: string; sigma_s: number | null; log: string; events: number; unused: string[] }
+// Track: UTC time [s], east and north [m].
+export interface Flight { track: [number, number, number][] }
+// Expected place of a label in a photo in which it is not picked.
 export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
-// Proposed picks, and labels to be picked by hand with the reason.
-// `from_image`: of the source pick, for a match only.
-export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; source: Source; from_image: Maybe; is_sure: boolean } // is_sure: needs no inspection
+// Proposed pick; `from_image`: of the source pick of a match; `is_sure`: without inspection.
+export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number | null; score: number | null; source: Source; from_image: number | null; is_sure: boolean }
+// Label to be picked by hand in a photo, with the reason.
 export interface Asked { image: number; label: string; why: string }
-export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]; left: number } // all results of these labels; left: places still to be searched
-export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null; stamp: string }
+// All results of the search for these labels; `left`: places still to be searched.
+export interface Proposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; left: number }
+// File of the output folder.
+export interface OutputFile { name: string; words: string }
+// Output folder; `version` of the picked state that its results were made from.
+export interface Outputs { folder: string; files: OutputFile[]; recording: boolean; stamp: string; version: number | null }
+// Measurement of a run, in words.
+export interface ResultRow { name: string; kind: string; points: string[]; value: string; others: string; interval: string; status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string }
 // Results of a run, in the words of its report.
-export interface Results {
-  level: "green" | "amber" | "red" | null; headline: string; first: string; others: string[]; scale: string; counts: string; case: [string, string][]; made: string;
-  measurements: { name: string; kind: string; points: string[]; value: string; others: string; interval: string; status: Trust["status"]; words: string }[];
-}
+export interface Results { level: "green" | "amber" | "red" | null; headline: string; first: string; others: string[]; scale: string; counts: string; case: [string, string][]; made: string; measurements: ResultRow[] }
+// Folder of photos for a calibration.
 export interface Folder { id: number; name: string; photos: number; width_px: number; height_px: number }
-export type Calibration = { t: "calibration" } & (
-  | { state: "running"; what: string; done: number; total: number }
-  | { state: "failed"; why: string }
-  | { state: "done"; verdict: string; reasons: string[]; counts: string; facts: [string, string][]; file: string; width_px: number; height_px: number });
-
-// The adjustment.
-
-export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
-// The verdict: likeliest reason (without text if all is well), further remarks. All of it comes from the server.
-// `reasons`: their number; `unseen`: lengths in which a wrong reading would not show.
-export interface Verdict { level: "green" | "amber" | "red" | null; words: string; first: Remark; why: Remark[]; reasons: number; unseen: string }
+// Progress of a calibration.
+export interface CalibrationRunning { seq?: number | null; t: "calibration"; state: "running"; what: string; done: number; total: number }
+// Reason for no calibration.
+export interface CalibrationFailed { seq?: number | null; t: "calibration"; state: "failed"; why: string }
+// Findings of a calibration, in words.
+export interface CalibrationResult { seq?: number | null; verdict: string; reasons: string[]; counts: string; facts: [string, string][]; file: string; width_px: number; height_px: number }
+// End of a calibration.
+export interface CalibrationDone { seq?: number | null; verdict: string; reasons: string[]; counts: string; facts: [string, string][]; file: string; width_px: number; height_px: number; t: "calibration"; state: "done" }
 // Status of a row: a word unless it is ok, and the reason.
 export interface Trust { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
-// `shows`: its minimal detectable error and the effect; or the observation in which no error would show.
-// `text`: value and sigma, empty if it is not measured; `grade`: of a slope; `earth`: latitude or longitude; `others`: of other solutions.
+// Fit of a pick.
+export interface Fit { image: number; label: string; residual_px: (number | null)[]; w: number | null; status: string; spread: Spread | null }
+// Place to look at.
+export interface PhotoLabel { image: number; label: string }
+// Button of a remedy: changes sent as one step, or a length to be read again.
+export interface Mend { words: string; changes: SingleChange[]; opens?: string }
+// Reason or warning: one plain sentence, and `text` in detail; remedies, likeliest first.
+export interface Remark { level: "info" | "warning" | "error"; code: string; text: string; labels: string[]; plain: string; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: PhotoLabel | null }
+// Verdict: likeliest reason (without text if all is well), all reasons, further remarks.
+export interface Verdict { level: "green" | "amber" | "red" | null; words: string; first: Remark; why: Remark[]; reasons: number; unseen: string }
+// Value and sigma, empty if not measured; grade of a slope; latitude or longitude.
 export interface ValueWords { text: string; grade: string; earth: string }
-export interface Measured extends Trust, ValueWords { others: string; shows: string }
-export interface LengthWords { adjusted: string; text: string } // in a table, and beside the line
-export interface HeightWords { height: string; sentence: string; tag: string } // in a table, alone, and beside the label
-export interface LengthFit extends Trust, LengthWords { sigma: string; w: Maybe; shows: string }
-// One plain sentence, and `text` in detail; buttons for remedies, likeliest first; place to inspect.
-export interface Remark extends Note { plain: string; labels: string[]; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: { image: number; label: string } | null }
-export interface Mend { words: string; changes: SingleChange[]; opens?: string } // sent as one step: { t: "all", changes }; or a length to be read again
-export interface AdjustedPoint extends Trust, Partial<HeightWords> { sigma_m: Maybe[]; sigma: string; neighbours: string[] } // `height` over the ground, if the point is off it
-export interface Adjusted {
-  mode: "adjusted"; seconds: number; verdict: Verdict;
-  points: Record<string, AdjustedPoint | undefined>;
-  picks: Fit[]; predicted: Predicted[];
-  lines: Record<string, LengthFit | undefined>;
-  measurements: Record<string, Measured | undefined>;
-  checks: { label: string; errors: string[]; quantities: string[] }[];
-  control_lines: Record<string, { offset: string; w: Maybe; status: string; fits: boolean } | undefined>; // largest offset, to the left
-  frames: Record<number, { status: string; sigma: string; moved: string; standing: Trust } | undefined>;
-  clock: ClockOffset | null;
-  advice: { start: string; end: string; text: string } | null;
-  messages: Note[];
-}
+// Measurement; `others`: of other solutions; `shows`: observation that nothing checks.
+export interface Measured { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string; text: string; grade: string; earth: string; value: number | null; sigma: number | null; unit: string; others: string; shows: string }
+// Adjusted length in a table, and beside the line.
+export interface LengthWords { adjusted: string; text: string }
+// Status of a known length; `shows`: its minimal detectable error and the effect.
+export interface LengthTrust { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string; shows: string }
+// Known length after the adjustment.
+export interface LengthFit { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string; shows: string; adjusted: string; text: string; adjusted_m: number | null; sigma: string; w: number | null }
+// Height of a point off the ground in a table, alone, beside the label; empty on the ground.
+export interface HeightWords { height: string; sentence: string; tag: string }
+// Sigmas of a point in the survey (e n u), and to its neighbours in words.
+export interface AdjustedPoint { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string; height: string; sentence: string; tag: string; sigma_m: (number | null)[]; sigma: string; neighbours: string[] }
+// Point whose known coordinates only judge the result: errors in a table, and in words.
+export interface Check { label: string; errors: string[]; quantities: string[] }
+// Largest offset of the picks from a line of known position, to the left.
+export interface ControlLineFit { offset: string; w: number | null; status: string; fits: boolean }
+// Adjusted photo: sigma of its centre, and the shift from the pose of the telemetry.
+export interface PhotoFit { status: string; sigma: string; moved: string; standing: Trust }
+// Length to tape next.
+export interface Advice { start: string; end: string; text: string }
+// Full adjustment; `frames` by the photo's number.
+export interface Adjusted { mode: "adjusted"; seconds: number; verdict: Verdict; points: Record<string, AdjustedPoint | undefined>; picks: Fit[]; predicted: Predicted[]; lines: Record<string, LengthFit | undefined>; measurements: Record<string, Measured | undefined>; checks: Check[]; control_lines: Record<string, ControlLineFit | undefined>; frames: Record<string, PhotoFit | undefined>; clock: ClockOffset | null; advice: Advice | null; messages: Note[] }
+// Reason for no adjustment.
 export interface Unadjusted { mode: "none"; why: string; messages: Note[] }
-export interface Linearised {
-  mode: "linearised";
-  residuals_px: [number, string, Maybe, Maybe][]; // image, label, u, v
-  lines: Record<string, LengthWords>; measurements: Record<string, ValueWords>; heights: Record<string, Partial<HeightWords>>;
-}
-export type Live = { t: "live"; for: number; expected?: Predicted[] } & (Adjusted | Unadjusted | Linearised);
-export type FullLive = Exclude<Live, Linearised>;
-
-// From the server.
-
-export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "m/s" }
-export interface Standing { version: number; undo: number; redo: number }
-// Line planned to be marked and taped: labels of the ends; length and directions to the ends in words.
+// First-order update: new values only; `residuals_px`: photo, label, u and v.
+export interface Linearised { mode: "linearised"; residuals_px: ([number, string, number | null, number | null])[]; lines: Record<string, LengthWords | undefined>; measurements: Record<string, ValueWords | undefined>; heights: Record<string, HeightWords | undefined> }
+// Line to be marked and taped: length and directions to its ends in words.
 export interface PlannedLine { name: string; start: string; end: string; length: string; start_place: string; end_place: string }
-// Coded plate: its name, side length and directions in words, labels of its corners.
+// Coded plate: its side and directions in words, labels of its corners.
 export interface PlannedPlate { name: string; side: string; place: string; corners: string[] }
-// `why`: why the program does not look for the plates, if it does not.
+// Plan of the flight; `why` the program does not look for the plates, if it does not.
 export interface Planned { lines: PlannedLine[]; plates: PlannedPlate[]; why: string }
-export interface ControlLine { name: string; points: string[] } // of known position; labels picked on it
-// The sample survey: file and text of its tape readings.
+// Line of known position, and the labels picked on it.
+export interface ControlLine { name: string; points: string[] }
+// Tape readings of the sample survey.
 export interface Sample { file: string; text: string }
-export interface InitialState extends Standing {
-  t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
-  control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[];
-  state: { picks: Pick[]; repeated: Pair[]; lines: Line[]; measurements: Measurement[] };
-  live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
-}
-export interface Changed extends Standing {
-  t: "changed"; diff: { picks?: { put: Pick[]; gone: Pair[] }; repeated?: Pair[]; lines?: Line[]; measurements?: Measurement[] };
-}
-export interface Refused { t: "refused"; why: string }
-export type ServerMessage = { seq?: number | null } & (
-  | InitialState | Changed | Live | Calibration | Refused | Answers[keyof Answers]
-  | { t: "closed" } | { t: "saved"; version: number; fault: string } | { t: "outside"; files: string[] } | { t: "outputs"; outputs: Outputs } | { t: "proposals" } & Proposals);
-
-// From the page: changes of the picked state, and questions.
-
-export interface Place extends Made { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
-export interface SetLine extends Reading { t: "line"; was: string; tape?: string; along?: Along }
-export interface SetMeasurement extends Measurement { t: "measure"; was: string }
-export interface SetHeight extends Height { t: "height"; label: string; step?: number }
-type Pair = [number, string]; // photo and label
-// `keep`: the label whose picks stay in photos in which both are picked.
-export interface Merge { t: "merge"; label: string; into: string; keep?: string }
-export type Change = SingleChange | { t: "all"; changes: SingleChange[] } | { t: "accept"; pairs: Pair[] } | { t: "undo" } | { t: "redo" };
-// A change that can be combined with others in one step; a swap without a photo concerns all photos.
-export type SingleChange = Place | SetLine | SetMeasurement
-  | { t: "repeat"; image: number; label: string; u_px: number; v_px: number } | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
-  | Merge | { t: "split"; label: string; new: string; images: number[] } | { t: "swap"; image: number | null; label: string; other: string }
-  | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | SetHeight
-  | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string };
-
-export type Target = "any" | "target"; // the likeliest feature; only marks that people put down
-export type Question =
-  | { t: "snap"; image: number; u_px: number; v_px: number; target: Target; expected?: string } | { t: "ground"; image: number; u_px: number; v_px: number }
-  | { t: "side"; name: string } | { t: "ties"; image: number } | { t: "refuse"; pairs: Pair[]; is_taken_back?: boolean } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
-  | { t: "calibrate"; folder: number; board: string; model: string };
-type Placed = [Maybe, Maybe]; // value and sigma [m]
-export interface SidePoint { station: string; height: string; ground: string; label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
-interface Done { t: "done"; why?: string }
-export interface Answers {
-  snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target"; is_sure: boolean }; // otherwise it only looks like the target
-  side: { t: "side"; points: SidePoint[] };
-  ties: { t: "ties"; places_px: [number, number][] };
-  ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale
-  export: { t: "exported"; why?: string; outputs?: Outputs };
-  folders: { t: "folders"; why?: string; folders: Folder[] };
-  refuse: Done; reload: Done; "stop-calibration": Done; "use-camera": Done; calibrate: Done; "discard-aside": Done; "take-aside": Done & { refused: number };
-}
+// Number of the present state, and of steps that can be undone and redone.
+export interface Standing { seq?: number | null; version: number; undo: number; redo: number }
+export interface LiveHead { seq?: number | null; t: "live"; for: number; expected?: Predicted[] }
+// Full adjustment of a state.
+export interface LiveAdjusted { seq?: number | null; t: "live"; for: number; expected?: Predicted[]; mode: "adjusted"; seconds: number; verdict: Verdict; points: Record<string, AdjustedPoint | undefined>; picks: Fit[]; predicted: Predicted[]; lines: Record<string, LengthFit | undefined>; measurements: Record<string, Measured | undefined>; checks: Check[]; control_lines: Record<string, ControlLineFit | undefined>; frames: Record<string, PhotoFit | undefined>; clock: ClockOffset | null; advice: Advice | null; messages: Note[] }
+// Reason for no adjustment of a state.
+export interface LiveUnadjusted { seq?: number | null; t: "live"; for: number; expected?: Predicted[]; mode: "none"; why: string; messages: Note[] }
+// First-order update for a state.
+export interface LiveLinearised { seq?: number | null; t: "live"; for: number; expected?: Predicted[]; mode: "linearised"; residuals_px: ([number, string, number | null, number | null])[]; lines: Record<string, LengthWords | undefined>; measurements: Record<string, ValueWords | undefined>; heights: Record<string, HeightWords | undefined> }
+// Everything about photos and picks that a page needs at its start.
+export interface PickingState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals }
+// Everything that a page needs at its start.
+export interface InitialState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: CalibrationRunning | CalibrationFailed | CalibrationDone | null }
+// Change of the picked state.
+export interface Changed { seq?: number | null; version: number; undo: number; redo: number; t: "changed"; diff: Difference }
+// Reason why a message of the page was refused.
+export interface Refused { seq?: number | null; t: "refused"; why: string }
+// End of the server, or of its project.
+export interface Closed { seq?: number | null; t: "closed" }
+// State that was written to the tables, or the reason for none.
+export interface Saved { seq?: number | null; t: "saved"; version: number; fault: string }
+// Files that another program changed.
+export interface Outside { seq?: number | null; t: "outside"; files: string[] }
+// New outputs.
+export interface NewOutputs { seq?: number | null; t: "outputs"; outputs: Outputs }
+// New results of the search.
+export interface NewProposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; left: number; t: "proposals" }
+// Exact place of a target; without `is_sure` it only looks like the target.
+export interface Snapped { seq?: number | null; t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target"; is_sure: boolean }
+// Reason for no exact place, and the candidates.
+export interface NotSnapped { seq?: number | null; t: "snapped"; why: string; places_px: [number, number][] }
+// Point of a side view: texts, and value and sigma; heights over the first point.
+export interface SidePoint { label: string; station: string; height: string; ground: string; station_m: [number | null, number | null]; offset_m: [number | null, number | null]; height_m: [number | null, number | null]; ground_m: [number | null, number | null] }
+// Side view of a measurement.
+export interface Side { seq?: number | null; t: "side"; points: SidePoint[] }
+// Tie points in a photo.
+export interface TiePlaces { seq?: number | null; t: "ties"; places_px: [number, number][] }
+// Same ground in other photos, by number: u and v [px], and scale.
+export interface Ground { seq?: number | null; t: "ground"; places: Record<string, [number, number, number] | undefined> }
+// Outputs that were written, or the reason for none.
+export interface Exported { seq?: number | null; t: "exported"; why?: string; outputs?: Outputs }
+// Folders of photos for a calibration.
+export interface PhotoFolders { seq?: number | null; t: "folders"; why?: string; folders: Folder[] }
+// End of an action; `refused`: number of changes that do not fit any more.
+export interface Done { seq?: number | null; t: "done"; why?: string; refused?: number }
+export interface Answers { snap: Snapped | NotSnapped; side: Side; ties: TiePlaces; ground: Ground; export: Exported; folders: PhotoFolders; refuse: Done; reload: Done; calibrate: Done; "stop-calibration": Done; "use-camera": Done; "take-aside": Done; "discard-aside": Done }
+// Folder in a list of the start page.
+export interface Listed { number: number; name: string; photos: number; is_flight: boolean; has_project: boolean }
+// Start of the start page: a folder, and those opened before.
+export interface Beginning { folder: number | null; is_chosen: boolean; opens: boolean; recent: Listed[] }
+// Folder on the way to another one.
+export interface Step { number: number; name: string }
+// Folders in a folder, and the way to it.
+export interface ListedFolders { number: number | null; way: Step[]; photos: number; is_flight: boolean; has_project: boolean; folders: Listed[] }
+// Set-up of a project by a person.
+export interface Setup { pitch_deg: number | "auto"; reading_sigma_m: number; units: "metric" | "imperial" | ""; case: Record<string, string> }
+// Content of a folder that a project can use.
+export interface Found { number: number; name: string; path: string; has_project: boolean; photos: FoundPhotos[]; cameras: FoundCamera[]; logs: string[]; poses: string[]; gcp_lists: string[]; tables: string[]; passed_over: string; setup: Setup; camera: string | null; log: string | null; has_gimbal: boolean | null; fault: string }
+// Request of the start page: a folder, its files to use, and the set-up.
+export interface Wanted { folder: number; images: string[]; log: string | null; poses: string | null; camera: string | null; gcp_list: string | null; gcp_sigma_m: number; setup: Setup }
+// Units of all displayed values: page, terminal, report, drawing and recording.
+export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "m/s" }
+// Known length; `adjust` is False for a withheld length that only serves as a check.
+export interface Line { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean; tape: string; along: "slope" | "horizontal" }
+// Monotone curve from the photo's values to the screen's.
+export interface Tone { black: number; white: number; gamma: number }
+// Photos of one folder and size.
+export interface FoundPhotos { pattern: string; count: number; width_px: number; height_px: number; example: string; camera: string; looks_deg: number | null }
+// Camera file, for photos of one size.
+export interface FoundCamera { name: string; width_px: number; height_px: number }
+// Pick a label in a photo, or move its existing pick; a sigma of None keeps the present one.
+export interface Place { t: "place"; step?: number; final?: boolean; image: number; label: string; u_px: number; v_px: number; sigma_px?: number | null; source?: Source; score?: number | null; from_image?: number | null; from_u_px?: number | null; from_v_px?: number | null }
+// Click a picked label in a photo again: an independent repetition beside the first click.
+export interface Repeat { t: "repeat"; step?: number; final?: boolean; image: number; label: string; u_px: number; v_px: number }
+// Pick proposals of the program: photo and label of each.
+export interface Accept { t: "accept"; step?: number; final?: boolean; pairs: [number, string][] }
+// Refuse proposals of the program, or decline to pick a label by hand: photo and label of each.
+export interface Refuse { t: "refuse"; step?: number; final?: boolean; pairs: [number, string][]; is_taken_back?: boolean }
+// Remove the pick of a label in a photo.
+export interface Unpick { t: "unpick"; step?: number; final?: boolean; image: number; label: string }
+// Remove a label everywhere: picks, lengths, measurements.
+export interface Forget { t: "forget"; step?: number; final?: boolean; label: string }
+// Rename a label in picks, lengths and measurements.
+export interface Rename { t: "rename"; step?: number; final?: boolean; label: string; new: string }
+// Merge two labels into one point: all statements about `label` then apply to `into`.
+export interface Merge { t: "merge"; step?: number; final?: boolean; label: string; into: string; keep?: string }
+// Split off the picks of a label in some photos as another point with the label `new`.
+export interface Split { t: "split"; step?: number; final?: boolean; label: string; new: string; images: number[] }
+// Exchange the picks of two labels in one photo, or in all photos where `image` is empty.
+export interface Swap { t: "swap"; step?: number; final?: boolean; image: number | null; label: string; other: string }
+// Make several changes in one step, in this order: all of them, or none if one does not fit.
+export interface All { t: "all"; step?: number; final?: boolean; changes: SingleChange[] }
+// Set the standard deviation of one pick; None: the project's default.
+export interface SetSigma { t: "sigma"; step?: number; final?: boolean; image: number; label: string; sigma_px: number | null }
+// Set a label's height above the ground, or set it free; without either it is on the ground.
+export interface SetHeight { t: "height"; step?: number; final?: boolean; label: string; height_m: number | null; height_sigma_m?: number | null; is_free?: boolean }
+// Add a known length, or change the one called `was`; a tape of None keeps its own.
+export interface SetLine { t: "line"; step?: number; final?: boolean; was: string; name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean; tape?: string | null; along?: "slope" | "horizontal" | null }
+// Remove a known length.
+export interface RemoveLine { t: "remove-line"; step?: number; final?: boolean; name: string }
+// Add a measurement, or change the one called `was`.
+export interface SetMeasurement { t: "measure"; step?: number; final?: boolean; was: string; name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
+// Remove a measurement.
+export interface RemoveMeasurement { t: "remove-measurement"; step?: number; final?: boolean; name: string }
+// Undo the last step.
+export interface Undo { t: "undo"; step?: number; final?: boolean }
+// Redo the step that was undone last.
+export interface Redo { t: "redo"; step?: number; final?: boolean }
+// Save, run the project as `uavgram run` does, and write all its outputs.
+export interface Export { t: "export"; step?: number; final?: boolean }
+// Read the project again from its present files; undo and redo start afresh.
+export interface Reload { t: "reload"; step?: number; final?: boolean }
+// Apply the changes that an earlier session could not save.
+export interface TakeAside { t: "take-aside"; step?: number; final?: boolean }
+// Stop offering the changes that an earlier session could not save.
+export interface DiscardAside { t: "discard-aside"; step?: number; final?: boolean }
+// List the folders near the project that hold photos.
+export interface Folders { t: "folders"; step?: number; final?: boolean }
+// Calibrate a camera from the photos of a listed folder; `board` as on the command line.
+export interface Calibrate { t: "calibrate"; step?: number; final?: boolean; folder: number; board: string; model: "brown" | "fisheye" }
+// Stop the running calibration.
+export interface StopCalibration { t: "stop-calibration"; step?: number; final?: boolean }
+// Enter the newest camera file in the project file, and read the project again.
+export interface UseCamera { t: "use-camera"; step?: number; final?: boolean }
+// Find the exact centre of the corner or round target near a pixel.
+export interface Snap { t: "snap"; step?: number; final?: boolean; image: number; u_px: number; v_px: number; target: Target; expected?: string }
+// Find the pixels of other photos that show the same ground as this pixel.
+export interface SameGround { t: "ground"; step?: number; final?: boolean; image: number; u_px: number; v_px: number }
+// Return the positions of a measurement's points along it, and their heights.
+export interface SideView { t: "side"; step?: number; final?: boolean; name: string }
+// Return the tie points in a photo.
+export interface Ties { t: "ties"; step?: number; final?: boolean; image: number }

@@ -223,10 +223,10 @@ export function heightOf(label) {
 }
 
 // Returns the adjusted height of a point that is off the ground.
-/** @param {string} label @returns {{ height: string, sentence: string, tag: string } | null} */
+/** @param {string} label */
 export function standsAt(label) {
-  const { height, sentence = "", tag = "" } = adjusted()?.points[label] ?? {};
-  return height === undefined ? null : { height, sentence, tag };
+  const point = adjusted()?.points[label];
+  return point?.height ? point : null;
 }
 
 export function labels() {

@@ -7,7 +7,7 @@ import { keepTab } from "./tab.js";
 import { find, goOn, OpenAlready, OpenElsewhere, send } from "./server.js";
 import { showSetup } from "./setup.js";
 
-/** @import { Beginning, Folders, Found, Listed, Wanted } from "./protocol.js" */
+/** @import { Beginning, ListedFolders, Found, Listed, Wanted } from "../connection/protocol.js" */
 
 const SECTIONS = /** @type {const} */ (["folders", "setup"]);
 
@@ -41,7 +41,7 @@ class Door {
 
   /** @param {number | null} number */
   async list(number) {
-    const shown = /** @type {Folders} */ (await find(`/door/folders?folder=${number ?? ""}`));
+    const shown = /** @type {ListedFolders} */ (await find(`/door/folders?folder=${number ?? ""}`));
     this.at = number;
     keepPlace(`folder-${number ?? ""}`);
     showFolders(byId("folders"), shown, this.recent, {

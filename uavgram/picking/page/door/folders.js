@@ -2,7 +2,7 @@
 
 import { shape, node } from "../elements/dom.js";
 
-/** @import { Folders, Listed } from "./protocol.js" */
+/** @import { ListedFolders, Listed } from "../connection/protocol.js" */
 
 const FOLDER = "M1 3.5h5l1.5 2H15v8H1z";
 const folderIcon = () => shape("svg", { class: "folder", viewBox: "0 0 16 16", width: 18, height: 18, "aria-hidden": "true" }, shape("path", { d: FOLDER }));
@@ -11,7 +11,7 @@ const folderIcon = () => shape("svg", { class: "folder", viewBox: "0 0 16 16", w
 const photosText = (count) => `${count} photo${count === 1 ? "" : "s"}`;
 
 /**
- * @param {Element} section @param {Folders} shown @param {Listed[]} recent
+ * @param {Element} section @param {ListedFolders} shown @param {Listed[]} recent
  * @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act
  */
 export function showFolders(section, shown, recent, act) {

@@ -2,7 +2,7 @@
 
 import { node, shape, textIn } from "../elements/dom.js";
 
-/** @import { Found } from "./protocol.js" */
+/** @import { Found } from "../connection/protocol.js" */
 
 const OTHER = "other";
 const AT = /** @type {const} */ ([44, 30]); // the camera

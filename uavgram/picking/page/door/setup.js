@@ -6,7 +6,7 @@ import { keepSet } from "./begun.js";
 import { mountPart, pitchIn } from "./mount.js";
 
 /** @import { Child } from "../elements/dom.js" */
-/** @import { Found, FoundPhotos, Wanted } from "./protocol.js" */
+/** @import { Found, FoundPhotos, Wanted } from "../connection/protocol.js" */
 
 const [CM, INCH] = [0.01, 0.0254];
 /** @type {[string, string, string][]} */

@@ -2,6 +2,7 @@
 
 import { askedFor, picksOf, proposals, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
+import { fixed } from "../elements/numbers.js";
 import { about, drop, keep, table, titled } from "../elements/table.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
@@ -58,7 +59,7 @@ function foundRow(one, tools) {
   const { name } = store.photos[image];
   return node("tr", { "data-row": `found ${label} ${image}` },
     node("td", {}, label), node("td", { class: "named ended", title: name }, goButton(one, name, tools)),
-    node("td", {}, source), node("td", {}, sigma_px.toFixed(2)), node("td", {}, score.toFixed(2)),
+    node("td", {}, source), node("td", {}, fixed(sigma_px, 2)), node("td", {}, fixed(score, 2)),
     node("td", {}, node("button", { class: "small", name: "accept", "aria-label": `Accept ${label} in ${name}`, title: "Accept (full stop)", onclick: () => tools.proposals.accept([one]) }, "\u2713"),
       node("button", { class: "small", name: "remove", "aria-label": `Refuse ${label} in ${name}`, title: "Refuse", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7")));
 }

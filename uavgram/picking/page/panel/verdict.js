@@ -29,8 +29,8 @@ export function showVerdict(box, tools) {
 
 // Warnings as remarks, before there are numbers.
 /** @param {Note} note @returns {Remark} */
-const asRemark = ({ level, code, text, labels = [] }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
-const NOTHING = asRemark({ level: "warning", code: "", text: "" });
+const asRemark = ({ level, code, text, labels }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
+const NOTHING = asRemark({ level: "warning", code: "", text: "", labels: [] });
 const unjudged = () => ({ first: NOTHING, why: remarks().filter(({ level }) => level !== "info").map(asRemark), unseen: "" });
 
 // Returns whether another remark gives the reason at more length.

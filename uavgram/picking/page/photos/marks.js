@@ -199,7 +199,7 @@ function alikePart(at, number) {
 
 /** @param {Proposal} one */
 const proposalWords = ({ label, source, from_image, sigma_px, score }) =>
-  `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u00b1 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
+  `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u00b1 ${fixed(sigma_px, 2)} px, score ${fixed(score, 2)}`;
 
 /** Resizers of ellipses, which depend on the zoom; `reach_px`: in the photo; `scale`: of the last drawing. @type {WeakMap<Element, { reach_px: number, scale: number, resize: (scale: number) => void }>} */
 const resizers = new WeakMap();
