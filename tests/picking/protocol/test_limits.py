@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -159,3 +160,13 @@ def test_project_file_table_and_page_refuse_a_sigma_in_the_same_words(
     said = str(on_page.value.args[0]).removeprefix("sigma ")
     assert said in in_table.value.message
     assert said in str(in_project.value)
+
+
+@pytest.mark.parametrize("fields", [PLACE, LINE, VOLUME], ids=["pick", "length", "measurement"])
+def test_null_is_the_same_as_no_field(fields: Json) -> None:
+    command = type(parse_message(json.dumps({"seq": 1, **fields}), PHOTOS).body)
+    absent = dict.fromkeys({one.name for one in dataclasses.fields(command)} - {*fields})
+    with_nulls = parse_message(json.dumps({"seq": 1, **absent, **fields}), PHOTOS)
+
+    assert absent
+    assert with_nulls == parse_message(json.dumps({"seq": 1, **fields}), PHOTOS)

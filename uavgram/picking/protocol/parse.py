@@ -132,7 +132,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 class _Fields:
-    """Reader of the fields of a message, one by one.
+    """Reader of the fields of a message, one by one; null is the same as no field.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class _Fields:
     kind: MeasurementKind
 
     def __init__(self, data: dict[str, Any], photos: Sequence[PhotoSize]) -> None:
-        self._data = dict(data)
+        self._data = {name: value for name, value in data.items() if value is not None}
         self._photos = photos
 
     def _take(self, name: str) -> Any:  # noqa: ANN401  (JSON: anything)
@@ -219,10 +219,7 @@ class _Fields:
         return value
 
     def optional(self, name: str, fault_of: Callable[[float], str] | None = None) -> float | None:
-        if self._data.get(name) is None:
-            self._data.pop(name, None)
-            return None
-        return self.number(name, fault_of)
+        return self.number(name, fault_of) if self.has(name) else None
 
     def photo(self, name: str = "image") -> PhotoSize:
         index = self.integer(name)
@@ -233,20 +230,14 @@ class _Fields:
 
     def other_photo(self, name: str) -> str:
         """Take the name of an optional photo, else empty; later pixels refer to that photo."""
-        if self._data.get(name) is None:
-            self._data.pop(name, None)
-            return ""
-        return self.photo(name).name
+        return self.photo(name).name if self.has(name) else ""
 
     def place(self, name: str, size: float) -> float:
         """Take a pixel coordinate in a photo of a given size."""
         return self.between(name, -0.5, size - 0.5)
 
     def optional_place(self, name: str, size: float) -> float | None:
-        if self._data.get(name) is None:
-            self._data.pop(name, None)
-            return None
-        return self.place(name, size)
+        return self.place(name, size) if self.has(name) else None
 
     def measurement_kind(self) -> MeasurementKind:
         self.kind = self.choice("kind", tuple(POINT_COUNTS))
