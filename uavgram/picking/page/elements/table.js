@@ -1,11 +1,12 @@
 // Tables and lists of the panel, and reuse of unchanged parts.
 
 import { isSuspect } from "../connection/store.js";
+import { signButton } from "./buttons.js";
 import { fillIfNew, node } from "./dom.js";
 import { explained, fixed } from "./numbers.js";
 
 /** @import { Remark, Trust } from "../connection/protocol.js" */
-/** @import { Child } from "./dom.js" */
+/** @import { Attribute, Child } from "./dom.js" */
 /** @typedef {{ name: string, row: string | undefined, table: string | null | undefined, place: number, value: string }} Focus a field or button of a section */
 
 const LONG = 9; // number of rows from which on a table scrolls by itself
@@ -85,6 +86,12 @@ export function table(caption, heads, rows) {
   return made.querySelectorAll("tr[data-row]").length > LONG ? node("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` }, made) : made;
 }
 
+/** A row; what is no cell becomes one. @param {Record<string, Attribute>} attributes @param {...Child} cells */
+export const tableRow = (attributes, ...cells) => node("tr", attributes, ...cells.map((cell) => (cell instanceof HTMLTableCellElement ? cell : node("td", {}, cell))));
+
+/** A cell, by default for a number that `withValues` fills in. @param {Record<string, Attribute>} attributes @param {...Child} content */
+export const cell = (attributes = { class: "value" }, ...content) => node("td", attributes, ...content);
+
 // A word with an explanation as a tooltip.
 /** @param {string} words @param {string} meaning */
 export const about = (words, meaning) => node("span", { class: "about", title: meaning }, words);
@@ -92,8 +99,11 @@ export const about = (words, meaning) => node("span", { class: "about", title: m
 /** @param {string} title @param {...Child} parts */
 export const titled = (title, ...parts) => node("div", { class: "part" }, node("h2", {}, title), ...parts);
 
+/** A part that unfolds, with the number of its entries. @param {string} title @param {number} count @param {Record<string, Attribute>} attributes @param {...Child} parts */
+export const folded = (title, count, attributes, ...parts) => node("details", { class: "part", "aria-label": title, ...attributes }, node("summary", {}, `${title} (${count})`), ...parts);
+
 /** @param {string} what @param {() => void} act */
-export const remove = (what, act) => node("button", { class: "small", name: "remove", "aria-label": `Remove ${what}`, title: `Remove ${what}`, onclick: act }, "\u00d7");
+export const remove = (what, act) => signButton("remove", `Remove ${what}`, "\u00d7", act);
 
 // `more`: content beneath a message, such as a button for its remedy.
 /** @template {Pick<Remark, "level" | "text"> & Partial<Remark>} M @param {M[]} messages @param {(message: M) => Node | null} more */

@@ -4,7 +4,7 @@ import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
 import { as, node, textIn } from "../elements/dom.js";
 import { meaning, SIGMA } from "../elements/numbers.js";
-import { about, fill, keep, list, table, titled } from "../elements/table.js";
+import { about, cell, fill, keep, list, table, tableRow, titled } from "../elements/table.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Calibration, Camera, Folder } from "../connection/protocol.js" */
@@ -24,7 +24,7 @@ function knownPart(camera, project) {
   const learnt = (adjusted()?.messages ?? []).filter(({ code }) => code.startsWith("camera-") || code.startsWith("lens-"));
   const all = [...new Map([...camera.messages, ...learnt].map((message) => [message.text, message])).values()];
   return keep("camera", [camera, all], () => {
-    const rows = camera.parameters.map((cells) => node("tr", {}, ...cells.map((cell) => node("td", { title: meaning(cell) }, cell === "\u2013" ? "" : cell))));
+    const rows = camera.parameters.map((words) => tableRow({}, ...words.map((one) => cell({ title: meaning(one) }, one === "\u2013" ? "" : one))));
     const [warnings, others] = [all.filter(({ level }) => level !== "info"), all.filter(({ level }) => level === "info")];
     return node("div", {}, warnings.length ? titled(`Warnings (${warnings.length})`, list(warnings)) : null,
       titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, `, about(`${LENSES[camera.model] ?? camera.model} lens`, meaning(camera.model) ?? ""), camera.file && ` (${camera.file})`),

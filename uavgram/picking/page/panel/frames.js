@@ -1,9 +1,10 @@
 // The photos tab: time, match and seed of each photo, and unmatched photos and events.
 
 import { adjusted, picksIn, store } from "../connection/store.js";
+import { linkButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
-import { about, fill, keep, list, standingSign, table, titled, trusted } from "../elements/table.js";
+import { about, cell, fill, folded, keep, list, standingSign, table, tableRow, titled, trusted } from "../elements/table.js";
 import { lengthUnit } from "../elements/units.js";
 import { flightMap, utcText } from "./flight_map.js";
 
@@ -47,10 +48,9 @@ function framesPart(facts, show) {
     const refined = found?.status === "refined" ? found.sigma : "";
     const [status, trust] = found ? [found.status, found.standing] : [photo.matched ? "matched" : "unmatched", undefined];
     const utc = utcText(photo.time_utc_s, 2);
-    return node("tr", { title: [utc && `${utc} UTC`, ...wordsOf(photo), told("moved by", found?.moved ?? "")].filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
-      node("td", { class: "named ended", title: photo.name }, standingSign(trust), node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => show(k) }, node("bdi", {}, photo.name))),
-      node("td", {}, `${picks}`), node("td", {}, STATUS[status] ?? status), node("td", {}, photo.seed?.sigma ?? ""), node("td", { class: "value" }, trusted(trust, refined)),
-      node("td", { class: "wide-only" }, utc));
+    return tableRow({ title: [utc && `${utc} UTC`, ...wordsOf(photo), told("moved by", found?.moved ?? "")].filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
+      cell({ class: "named ended", title: photo.name }, standingSign(trust), linkButton("show", node("bdi", {}, photo.name), () => show(k), { "aria-label": `Show ${photo.name}` })),
+      picks, STATUS[status] ?? status, photo.seed?.sigma, cell({ class: "value" }, trusted(trust, refined)), cell({ class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;
   return titled(`Photos (${matched} of ${facts.length} placed in the flight)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now.`),
@@ -70,4 +70,4 @@ function unmatchedPart(facts) {
   return all.length ? titled("Not placed in the flight", list(all)) : null;
 }
 
-const foundPart = () => (store.opening.length ? node("details", { class: "part", "aria-label": "What was found out" }, node("summary", {}, `What was found out (${store.opening.length})`), list(store.opening)) : null);
+const foundPart = () => (store.opening.length ? folded("What was found out", store.opening.length, {}, list(store.opening)) : null);

@@ -3,9 +3,10 @@
 import { TOOLS } from "../actions/keys.js";
 import { adjusted, countsOfPicks, remarks, standsAt, store } from "../connection/store.js";
 import { fault } from "../connection/trust.js";
+import { linkButton, signButton } from "../elements/buttons.js";
 import { as, node } from "../elements/dom.js";
 import { fixed, MISFIT, SIGMA } from "../elements/numbers.js";
-import { about, beneath, drop, fill, keep, list, remove, standingSign, table, titled, trusted, wCell, withValues } from "../elements/table.js";
+import { about, beneath, cell, drop, fill, folded, keep, list, remove, standingSign, table, tableRow, titled, trusted, wCell, withValues } from "../elements/table.js";
 import { fieldText, fieldUnit, lengthUnit, smallUnit } from "../elements/units.js";
 import { entryPart, KINDS, readLength } from "./entry.js";
 import { firstStepsPart } from "./first_steps.js";
@@ -77,13 +78,12 @@ function pointsPart(selected, tools) {
 
 /** @param {PointFacts[]} facts @param {string | null} selected @param {Tools} tools */
 function pointsTable(facts, selected, tools) {
-  const value = () => node("td", { class: "value" });
   const rows = facts.map(({ label, count, up, trust }) => {
     const kind = store.control.includes(label) ? " control" : store.check.includes(label) ? " check" : "";
     const chosen = selected === label;
-    return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}`, "data-status": trust?.status },
-      node("td", { class: "named", title: label }, standingSign(trust), node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
-      node("td", {}, `${count}`), value(), value());
+    return tableRow({ class: chosen ? "selected" : "", "data-row": `point ${label}`, "data-status": trust?.status },
+      cell({ class: "named", title: label }, standingSign(trust), linkButton("select", label, () => tools.select(label), { "aria-pressed": chosen }), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
+      count, cell(), cell());
   });
   return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit()}`, `of the distances to the points next to it; ${SIGMA}`), about("misfit", `of its worst mark: ${MISFIT}`)], rows));
 }
@@ -119,23 +119,22 @@ const isFault = (trust) => Boolean(fault(trust));
 
 /** @param {Line} line @param {Tools} tools */
 function lengthRow(line, tools) {
-  const value = () => node("td", { class: "value" });
   /** @param {Partial<Line>} changes */
   const change = (changes) => tools.send({ t: "line", ...line, was: line.name, ...changes });
   const use = line.adjust ? [`Withhold ${line.name}: only judge it`, "Withhold: only judge it", "\u2713"] : [`Use ${line.name}`, "Use it", "\u25cb"];
-  return node("tr", { "data-row": `line ${line.name}`, title: `${line.name}: ${line.start} \u2013 ${line.end}${line.adjust ? "" : ", withheld"}` },
-    node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change length ${line.name}, ${line.start} to ${line.end}`, onclick: () => tools.changeLine(line) }, line.name),
+  return tableRow({ "data-row": `line ${line.name}`, title: `${line.name}: ${line.start} \u2013 ${line.end}${line.adjust ? "" : ", withheld"}` },
+    cell({ class: "named" }, linkButton("change", line.name, () => tools.changeLine(line), { "aria-label": `Change length ${line.name}, ${line.start} to ${line.end}` }),
       line.adjust ? null : node("span", { class: "dim" }, " check")),
-    node("td", {}, node("input", {
+    node("input", {
       name: "length", value: fieldText(line.length_m), inputmode: fieldUnit() === "m" ? "decimal" : "text", autocomplete: "off", "aria-label": `${line.name}, taped length in ${fieldUnit()}`,
       onchange: ({ target }) => {
         const input = as(HTMLInputElement, target);
         tools.number(input, (length_m) => { if (length_m !== null) change({ length_m }); }, readLength);
         input.value = fieldText(line.length_m); // until the change is confirmed and the table made anew
       },
-    })),
-    value(), value(), value(),
-    node("td", {}, node("button", { class: "small", name: "use", "aria-label": use[0], "aria-pressed": line.adjust, title: use[1], onclick: () => change({ adjust: !line.adjust }) }, use[2]),
+    }),
+    cell(), cell(), cell(),
+    cell({}, signButton("use", use[0], use[2], () => change({ adjust: !line.adjust }), { "aria-pressed": line.adjust, title: use[1] }),
       remove(line.name, () => tools.send({ t: "remove-line", name: line.name }))));
 }
 
@@ -196,10 +195,9 @@ const ON_EARTH = "East and north of the survey's origin; latitude and longitude 
 function measurementRow(one, tools) {
   const kind = KINDS[one.kind] ?? one.kind;
   const points = one.points.join(" \u2013 ");
-  return node("tr", { "data-row": `measure ${one.name}`, title: `${kind}: ${points}` },
-    node("td", { class: "named" }, node("div", { class: "two" }, node("button", { class: "link", name: "change", "aria-label": `Change ${one.name}, ${kind} ${points}`, onclick: () => tools.changeMeasurement(one) }, one.name),
-      node("span", { class: "dim" }, points))),
-    node("td", { class: "value", title: one.kind === "coordinate" ? ON_EARTH : null }), node("td", { class: "value" }), node("td", {}, remove(one.name, () => tools.send({ t: "remove-measurement", name: one.name }))));
+  return tableRow({ "data-row": `measure ${one.name}`, title: `${kind}: ${points}` },
+    cell({ class: "named" }, node("div", { class: "two" }, linkButton("change", one.name, () => tools.changeMeasurement(one), { "aria-label": `Change ${one.name}, ${kind} ${points}` }), node("span", { class: "dim" }, points))),
+    cell({ class: "value", title: one.kind === "coordinate" ? ON_EARTH : null }), cell(), remove(one.name, () => tools.send({ t: "remove-measurement", name: one.name })));
 }
 
 /** @param {Tools} tools */
@@ -213,7 +211,7 @@ function advicePart(tools) {
 function remarksPart() {
   const all = remarks().filter((message) => message.level === "info");
   if (!all.length) drop("remarks");
-  return all.length ? keep("remarks", all, () => node("details", { class: "part", "aria-label": "Remarks" }, node("summary", {}, `Remarks (${all.length})`), list(all))) : null;
+  return all.length ? keep("remarks", all, () => folded("Remarks", all.length, {}, list(all))) : null;
 }
 
 // Points with known coordinates: those that are picked, and the errors at the withheld ones.
@@ -227,10 +225,8 @@ function knownPart(tools) {
   return keep("known", sign, () => titled("Known points", node("p", { class: "dim" }, `Control points take part; check points are withheld, and judged: ${lengthUnit() === "m" ? "metres" : "feet"} off.`),
     table("Known points", ["label", "use", "photos", "east", "north", "up"], known.map(([label, use]) => {
       const { errors, quantities } = off.get(label) ?? { errors: ["", "", ""], quantities: [] };
-      return node("tr", { "data-row": `known ${label}` },
-        node("td", { title: label }, node("button", { class: "link", name: "name", "aria-label": `Pick ${label}`, onclick: () => tools.name(label) }, label)),
-        node("td", {}, use), node("td", {}, `${picked.get(label) ?? 0}`),
-        ...errors.map((value, k) => node("td", { class: "value", title: quantities[k] ?? "" }, value)));
+      return tableRow({ "data-row": `known ${label}` }, cell({ title: label }, linkButton("name", label, () => tools.name(label), { "aria-label": `Pick ${label}` })), use, picked.get(label) ?? 0,
+        ...errors.map((value, k) => cell({ class: "value", title: quantities[k] ?? "" }, value)));
     }))));
 }
 
@@ -242,8 +238,7 @@ function linesOfPositionPart() {
   return keep("lines-of-position", [lines, found], () => titled("Lines of known position", node("p", { class: "dim" }, `Of the points picked on each, the one farthest beside it: ${lengthUnit() === "m" ? "metres" : "feet"} off.`),
     table("Lines of known position", ["line", "points on it", "off", about("misfit", MISFIT), ""], lines.map(({ name, points }) => {
       const fit = found[name];
-      return node("tr", { "data-row": `line ${name}` },
-        node("td", { title: name }, node("span", { class: fit?.fits === false ? "bad" : null }, name)), node("td", {}, points.join(", ")),
-        node("td", { class: "value" }, fit?.offset ?? ""), node("td", { class: "value" }, fixed(fit?.w ?? null, 1)), node("td", {}, fit?.status ?? ""));
+      return tableRow({ "data-row": `line ${name}` }, cell({ title: name }, node("span", { class: fit?.fits === false ? "bad" : null }, name)), points.join(", "),
+        cell({ class: "value" }, fit?.offset), cell({ class: "value" }, fixed(fit?.w, 1)), fit?.status);
     }))));
 }

@@ -1,9 +1,10 @@
 // Proposals in other photos that are not accepted yet, and labels to be picked by hand.
 
 import { askedFor, picksOf, proposals, store } from "../connection/store.js";
+import { linkButton, signButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
-import { about, drop, keep, table, titled } from "../elements/table.js";
+import { about, cell, drop, folded, keep, table, tableRow, titled } from "../elements/table.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
@@ -57,11 +58,9 @@ function pair(which, count, words, key, { proposals: all }) {
 function foundRow(one, tools) {
   const { image, label, sigma_px, score, source } = one;
   const { name } = store.photos[image];
-  return node("tr", { "data-row": `found ${label} ${image}` },
-    node("td", {}, label), node("td", { class: "named ended", title: name }, goButton(one, name, tools)),
-    node("td", {}, source), node("td", {}, fixed(sigma_px, 2)), node("td", {}, fixed(score, 2)),
-    node("td", {}, node("button", { class: "small", name: "accept", "aria-label": `Accept ${label} in ${name}`, title: "Accept (full stop)", onclick: () => tools.proposals.accept([one]) }, "\u2713"),
-      node("button", { class: "small", name: "remove", "aria-label": `Refuse ${label} in ${name}`, title: "Refuse", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7")));
+  return tableRow({ "data-row": `found ${label} ${image}` }, label, cell({ class: "named ended", title: name }, goButton(one, name, tools)), source, fixed(sigma_px, 2), fixed(score, 2),
+    cell({}, signButton("accept", `Accept ${label} in ${name}`, "\u2713", () => tools.proposals.accept([one]), { title: "Accept (full stop)" }),
+      signButton("remove", `Refuse ${label} in ${name}`, "\u00d7", () => tools.proposals.refuse([[image, label]]), { title: "Refuse" })));
 }
 
 /** @param {PageState} state @param {Tools} tools */
@@ -72,8 +71,7 @@ function askedPart({ selected }, tools) {
     return null;
   }
   const rows = groups(all);
-  return keep("asked", [all, selected], () => node("details", { class: "part asked", "aria-label": "Still to be picked by hand", open: rows.length <= FEW },
-    node("summary", {}, `Still to be picked by hand (${all.length})`),
+  return keep("asked", [all, selected], () => folded("Still to be picked by hand", all.length, { class: "part asked", open: rows.length <= FEW },
     node("ul", { class: "scroll", tabindex: 0, "aria-label": "What is still to be picked by hand" }, ...rows.slice(0, MOST).map((some) => askedRow(some, tools))), more(rows.length)));
 }
 
@@ -93,11 +91,11 @@ function askedRow(some, tools) {
   const [{ label, why }] = some;
   const photos = some.flatMap((one, k) => [k ? ", " : " in ", goButton(one, store.photos[one.image].name, tools)]);
   return node("li", { "data-row": `asked ${label} ${why}` }, label, ...photos, node("span", { class: "dim" }, ` (${why})`),
-    node("button", { class: "small", name: "remove", "aria-label": `Do not ask for ${label} there`, title: "It is not to be seen there: do not ask again", onclick: () => tools.proposals.refuse(some.map((one) => [one.image, one.label])) }, "\u00d7"));
+    signButton("remove", `Do not ask for ${label} there`, "\u00d7", () => tools.proposals.refuse(some.map((one) => [one.image, one.label])), { title: "It is not to be seen there: do not ask again" }));
 }
 
 /** @param {{ image: number, label: string }} one @param {string} words @param {Tools} tools */
-const goButton = ({ image, label }, words, tools) => node("button", { class: "link", name: "go", title: "Show where it is expected", onclick: () => tools.proposals.goTo(image, label) }, words);
+const goButton = ({ image, label }, words, tools) => linkButton("go", words, () => tools.proposals.goTo(image, label), { title: "Show where it is expected" });
 
 /** @param {number} count */
 const more = (count) => (count > MOST ? node("p", { class: "dim" }, `and ${count - MOST} more`) : null);

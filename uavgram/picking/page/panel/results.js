@@ -5,7 +5,7 @@ import { store } from "../connection/store.js";
 import { ageOfNumbers } from "../connection/trust.js";
 import { find } from "../door/server.js";
 import { node } from "../elements/dom.js";
-import { fill, keep, list, table } from "../elements/table.js";
+import { cell, fill, keep, list, table, tableRow } from "../elements/table.js";
 
 /** @import { Outputs, Results } from "../connection/protocol.js" */
 /** @import { Attribute } from "../elements/dom.js" */
@@ -62,10 +62,8 @@ const headline = ({ level, headline: words, first, counts, case: about, made }) 
 /** @param {Results} results */
 function measurements({ measurements: rows }) {
   if (!rows.length) return node("p", {}, "Nothing was measured: use Distance, Area or another tool, and write the results again.");
-  return table("Results", ["measurement", "what", "value", "true in 19 of 20 cases within", "status"], rows.map((row) => node("tr", {},
-    node("td", { title: row.points.join(" \u2013 ") }, row.name), node("td", {}, row.kind),
-    node("td", { class: row.status === "contradicted" ? "is-contradicted" : "" }, node("b", {}, row.value), row.others ? node("div", { class: "dim" }, row.others) : null), node("td", {}, row.interval),
-    node("td", { class: `status ${row.status}` }, row.words))));
+  return table("Results", ["measurement", "what", "value", "true in 19 of 20 cases within", "status"], rows.map((one) => tableRow({}, cell({ title: one.points.join(" \u2013 ") }, one.name), one.kind,
+    cell({ class: one.status === "contradicted" ? "is-contradicted" : "" }, node("b", {}, one.value), one.others ? node("div", { class: "dim" }, one.others) : null), one.interval, cell({ class: `status ${one.status}` }, one.words))));
 }
 
 /** @param {Outputs} outputs */

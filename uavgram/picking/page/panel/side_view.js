@@ -1,9 +1,10 @@
 // A measurement in side view: its points along it, their heights, and the ground below.
 
 import { adjusted, store } from "../connection/store.js";
+import { signButton } from "../elements/buttons.js";
 import { node, shape } from "../elements/dom.js";
 import { fixed, places } from "../elements/numbers.js";
-import { keep, table, titled } from "../elements/table.js";
+import { cell, keep, table, tableRow, titled } from "../elements/table.js";
 import { inLength, lengthUnit } from "../elements/units.js";
 import { KINDS } from "./entry.js";
 
@@ -40,7 +41,7 @@ export class SideView {
     void this.ask(one);
     if (this.shown.name !== one.name || !this.shown.points.length) return null;
     return keep("side", [one, this.shown], () => titled(`${KINDS[one.kind]} ${one.name} from the side`,
-      node("button", { class: "small", name: "side", "aria-label": "Close the side view", title: "Close (Esc)", onclick: () => this.close() }, "\u00d7"),
+      signButton("side", "Close the side view", "\u00d7", () => this.close(), { title: "Close (Esc)" }),
       drawing(one, this.shown.points), numbersPart(this.shown.points)));
   }
 
@@ -154,6 +155,6 @@ function labelShapes(along, { x, y }) {
 /** @param {SidePoint[]} points */
 function numbersPart(points) {
   const along = [...points].sort((a, b) => known(a.station_m)[0] - known(b.station_m)[0]);
-  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", `along ${lengthUnit()}`, "height", `ground ${lengthUnit()}`], along.map(({ label, station, height, ground }) => node("tr", {},
-    node("td", { class: "named", title: label }, label), ...[station, height, ground].map((words) => node("td", { class: "value" }, words))))));
+  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", `along ${lengthUnit()}`, "height", `ground ${lengthUnit()}`], along.map(({ label, station, height, ground }) => tableRow({},
+    cell({ class: "named", title: label }, label), ...[station, height, ground].map((words) => cell({ class: "value" }, words))))));
 }
