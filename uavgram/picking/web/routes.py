@@ -18,6 +18,7 @@ from uavgram.errors import UavgramError
 from uavgram.imaging.photos.preview import Tone
 from uavgram.imaging.photos.tiles import FIRST_COARSE
 from uavgram.io.files import read_own
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.project import OpenProject
 
 DOCUMENT_HEADERS = {
@@ -130,7 +131,8 @@ class Files:
         if tones is None:
             return Response(status_code=404)
         first, stretched = map(asdict, tones)
-        return JSONResponse({"first": first, "stretched": stretched})
+        answer: m.Tones = {"first": first, "stretched": stretched}
+        return JSONResponse(answer)
 
     async def thumbnail(self, request: Request) -> Response:
         """Serve a small picture of a photo."""
