@@ -41,7 +41,7 @@ REQUESTS = (
 
 def codes_of(effect: Effect) -> list[str]:
     codes = [entry.code for entry in CATALOGUE.values() if entry.effect is effect]
-    assert len(codes) > 5
+    assert len(codes) > 2
     return codes
 
 
@@ -183,6 +183,20 @@ def test_what_takes_part_though_it_does_not_fit_puts_its_labels_in_doubt(
     verdict, status = clean.verdict(of(code, "P0", "P7"))
     assert verdict.level == "amber"
     assert status == ("doubtful", "ok")
+
+
+@pytest.mark.parametrize("code", codes_of(Effect.DISPLACED))
+def test_where_times_or_places_of_the_log_are_in_doubt_coordinates_are(code: str) -> None:
+    """Of several photos; the lengths give distances all the same."""
+    refined, _ = refine(make_scene(9, frames=6, control=8).survey, SolveOptions(noise="stated"))
+    point = MeasurementRequest(name="where", kind="coordinate", points=("P4",))
+    measured = propagate(refined.adjustment, (*REQUESTS[:1], point), NO_TIMES)
+    judged = Judged(run_tests(refined, measured, 0.001), measurement_results(measured)[0])
+    assert len(judged.table.kind) > 1
+    for frames, status in ((("f0",), "ok"), (("f0", "f1"), "doubtful")):
+        found = judged.verdict(replace(of(code), frames=frames))[1]
+        assert found[0] == "ok"
+        assert set(found[1:]) == {status}
 
 
 @pytest.mark.parametrize("code", codes_of(Effect.AMBER))
