@@ -55,3 +55,16 @@ def test_a_height_above_the_ground_that_is_stated_holds() -> None:
     found = free_control_heights(replace(scene.survey, height_above_m=above)).is_free
 
     np.testing.assert_array_equal(found, above == 0.0)
+
+
+def test_without_a_log_they_place_photos_all_the_same() -> None:
+    """Three points, one of them on a kerbstone, and lengths between other points."""
+    ends = ((3, 5), (4, 7), (6, 9), (3, 8), (5, 9), (7, 8))
+    heights = {1: 0.9}
+    scene = make_scene(
+        6, frames=2, labels=10, ends=ends, control=3, telemetry=False, heights=heights
+    )
+    survey = free_control_heights(replace(scene.survey, height_above_m=np.zeros(10)))
+
+    assert survey.is_free[:3].all()
+    assert worst_m(survey, scene) < 0.5  # heights of 5 cm over short bases tilt the plane

@@ -34,6 +34,23 @@ def begun(scene: Scene) -> tuple[FirstValues, Floats]:
     return add_free_points(survey, values), ray
 
 
+def test_a_pick_beyond_the_lens_has_no_ray_and_hurts_no_point() -> None:
+    """As where another camera file is tried, whose distortion turns back within the photo."""
+    scene = make_scene(1)
+    calibration = scene.survey.calibration
+    parameters = np.array(calibration.parameters)
+    parameters[4] = -1.0  # k1
+    survey = replace(
+        scene.survey,
+        calibration=replace(calibration, parameters=parameters),
+        is_free=np.ones(len(scene.survey.label), dtype=np.bool_),
+    )
+    values, ray = begun(replace(scene, survey=survey))
+
+    assert np.isnan(ray).any()
+    assert np.isfinite(values.point_m).all(axis=1).any()
+
+
 def test_two_rays_meet_where_opencv_has_them() -> None:
     scene = make_scene(4, frames=2, heights=HEIGHTS, noise=0.0)
     values, ray = begun(with_third_coordinates(scene, free=HEIGHTS))

@@ -294,6 +294,28 @@ def test_a_mirrored_photo_is_left_out_and_bends_nothing(base: str, frames: int) 
     assert largest_error(found.refined.adjustment, scene) < FARTHEST
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_log_whose_poses_are_all_of_other_photos_bends_nothing(seed: int) -> None:
+    """Each photo has the row of its neighbour, tens of sigmas away."""
+    scene = make_scene(seed, frames=5, lines=8, along=40.0)
+    survey = scene.survey
+    assert survey.seeds is not None
+    assert survey.telemetry is not None
+    row = np.roll(np.arange(5), 1)
+    seeds = replace(
+        survey.seeds,
+        center_world_m=survey.seeds.center_world_m[row],
+        world_from_camera=survey.seeds.world_from_camera[row],
+    )
+    prior = replace(survey.telemetry, time_s=survey.telemetry.time_s[row])
+    found = adjust_robustly(all_of(replace(survey, seeds=seeds, telemetry=prior))).refined
+
+    assert found.pose_widened.keys() == set(survey.frame_id)
+    assert not found.pick_reason
+    assert not found.line_removed.any()
+    assert largest_error(found.adjustment, scene) < FARTHEST
+
+
 @BOTH
 def test_of_two_photos_that_fit_alone_neither_is_accused(base: str) -> None:
     survey, _ = mirrored(make_scene(4, **{**BASES[base], "frames": 2}).survey, 1)

@@ -65,6 +65,8 @@ class FirstValues(NamedTuple):
         Height of the plane.
     departure_m
         (K,) initial heights above the plane of points whose height is free.
+    telemetry
+        Initial values of the unknowns of the log (clock, biases, mount); None: as stated.
     """
 
     point_m: Floats
@@ -72,6 +74,7 @@ class FirstValues(NamedTuple):
     rotation: Floats
     height_m: float
     departure_m: Floats
+    telemetry: Floats | None = None
 
 
 def intersect_seed_rays(survey: Survey, ray: Floats) -> FirstValues:
@@ -288,9 +291,10 @@ def add_free_points(survey: Survey, values: FirstValues) -> FirstValues:
         return values
     shown, camera = replace_matches_by_picks(survey), survey.calibration
     frame, label = shown.pick_frame, shown.pick_label
-    rows = np.flatnonzero(survey.is_free[label] & np.isfinite(values.center[frame, 0]))
-    center, owner = values.center[frame[rows]], label[rows]
-    ray = back_project(camera.model, camera.parameters, shown.pixel_px[rows])
+    every_ray = back_project(camera.model, camera.parameters, shown.pixel_px)
+    is_seen = np.isfinite(every_ray).all(axis=1) & np.isfinite(values.center[frame, 0])
+    rows = np.flatnonzero(survey.is_free[label] & is_seen)
+    center, owner, ray = values.center[frame[rows]], label[rows], every_ray[rows]
     direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = shown.pick_sigma_px[rows] / camera.parameters[0]

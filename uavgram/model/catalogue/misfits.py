@@ -92,7 +92,7 @@ MISFITS = (
         WARNING,
         finding="A photo has another position or direction than the log gives.",
         action="Check its picks, its time and the gimbal.",
-        effect=Effect.DOUBTFUL,
+        effect=Effect.DISPLACED,
         order=Order.SUSPECT,
         one="{frames} is not where the flight log has it.",
         several="{frames} are not where the flight log has them.",

@@ -25,7 +25,7 @@ TIMES = (
         finding="A photo has no place in the log, for the reason in the message.",
         consequence="It takes no part.",
         action="Check whether the photo belongs to this flight, and check `time.offset_s`.",
-        effect=Effect.AMBER,
+        effect=Effect.DISPLACED,
         one="{frames} has no place in the flight log: check the times.",
         several="{frames} have no place in the flight log: check the times.",
     ),
@@ -330,7 +330,7 @@ FLIGHT_LOG = (
             "Photos after the jump have a lower weight. Their picks determine their positions."
         ),
         action="In these photos, pick points that they share with the others.",
-        effect=Effect.AMBER,
+        effect=Effect.DISPLACED,
         order=Order.LOG_FAULT,
         one="The places in the flight log jump at {frames}.",
     ),

@@ -27,6 +27,7 @@ from uavgram.model.naming import figures, listed
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.result import GroupFactor
 from uavgram.model.result.tables import KnownResults, LineResults, PointChecks
+from uavgram.model.survey import Survey
 
 MISFIT_PROBABILITY = 0.001
 """Probability by chance below which observations do not fit."""
@@ -70,6 +71,8 @@ def compute_fit(
     known: KnownResults,
     points: PointChecks,
     overall: ChecksOverall | None,
+    *,
+    given: Survey,
 ) -> Fit:
     """Compute the fit of the core, and of withheld things.
 
@@ -82,11 +85,18 @@ def compute_fit(
         Tables, of which the withheld rows are judged.
     overall
         Withheld lengths and points together; None where there are none.
+    given
+        The survey with all observations. Withheld things do not count where all others of their
+        kind were left out: they share the fault that is reported of those.
     """
+    is_without_lengths = "removed" in lines.status and "used" not in lines.status
+    is_without_control = (
+        len(given.control_label) > 0 == len(refined.adjustment.survey.control_label)
+    )
     checks = [
         (2.0 * float(ndtr(-abs(w))), ends)
         for w, status, *ends in zip(lines.w, lines.status, lines.start, lines.end, strict=True)
-        if status == "checked"
+        if status == "checked" and not is_without_lengths
     ]
     checks += [
         (2.0 * float(ndtr(-abs(w))), list(labels))
@@ -96,8 +106,10 @@ def compute_fit(
     checks += [
         (compute_upper_tail(float(size) ** 2, 3), [label])
         for size, label in zip(points.mahalanobis, points.label, strict=True)
+        if not is_without_control
     ]
-    together = [] if overall is None else [overall.probability]
+    has_all = not (is_without_lengths or is_without_control)
+    together = [overall.probability] if overall is not None and has_all else []
     each = sorted(probability for probability, _ in checks)
     if len(each) > MAX_SINGLE_CHECKS and each[0] < MISFIT_PROBABILITY <= each[1]:
         together, each = [], each[1:]

@@ -38,14 +38,13 @@ def is_moved(examined: TestedSurvey) -> Bools:
     return moved
 
 
-def is_displaced(examined: TestedSurvey, table: MeasurementResults) -> Bools:
-    """Mark coordinates (M,) where log and control or known lines are shifted against each other.
+def is_displaced(examined: TestedSurvey) -> bool:
+    """Return whether log and control or known lines are shifted against each other.
 
     Nothing shows which of the two is at the right place.
     """
     suspects = (member.kind for one in examined.suspicions for member in (one.suspect, *one.group))
-    is_shifted = "position_bias" in suspects
-    return np.array([is_shifted and kind == "coordinate" for kind in table.kind], dtype=np.bool_)
+    return "position_bias" in suspects
 
 
 def find_unconfirmed_ends(examined: TestedSurvey) -> set[str]:
@@ -86,6 +85,7 @@ def determine_statuses(
     is_contradicted: bool,
     contradicted: Collection[str],
     in_doubt: Collection[str],
+    is_displaced: bool,
 ) -> tuple[MeasurementStatus, ...]:
     """Determine the status of each measurement.
 
@@ -99,8 +99,11 @@ def determine_statuses(
         Whether the whole result is contradicted, so that no measurement is in order.
     contradicted, in_doubt
         Labels whose measurements are contradicted, or depend on observations that do not fit.
+    is_displaced
+        Whether it is in doubt where the whole survey is, so that coordinates are doubtful.
     """
-    unchecked, moved = is_unchecked(examined), is_moved(examined) | is_displaced(examined, table)
+    displaced = [is_displaced and kind == "coordinate" for kind in table.kind]
+    unchecked, moved = is_unchecked(examined), is_moved(examined) | np.array(displaced, np.bool_)
     found: list[MeasurementStatus] = []
     for i, points in enumerate(table.points):
         if not np.isfinite(table.value[i]):

@@ -17,7 +17,7 @@ from uavgram.model.naming import listed, listed_photos
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
-from uavgram.stages.judge.statuses import determine_statuses, find_unconfirmed_ends
+from uavgram.stages.judge.statuses import determine_statuses, find_unconfirmed_ends, is_displaced
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 _STATISTICS = r": | \(|\. "
@@ -58,6 +58,8 @@ def determine_verdict(
         contradicted=fit.check_labels,
         in_doubt={label for m in still if _effect(m) is Effect.DOUBTFUL for label in m.labels}
         | find_unconfirmed_ends(examined),
+        is_displaced=is_displaced(examined)
+        or any(_effect(m) is Effect.DISPLACED and len(m.frames) > 1 for m in still),
     )
     is_ok = all(one == "ok" for one in status)
     without = {Effect.NONE, Effect.UNCHECKED} if is_ok else {Effect.NONE}

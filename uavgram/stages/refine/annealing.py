@@ -380,7 +380,7 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
         most = limit_gross_errors(len(checked))
         if len(checked) > most and not is_ground:
             large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
-        is_stated = name in ("lengths", "known", "control", "roughness")
+        is_stated = name in ("lengths", "known", "control", "roughness", "telemetry")
         factor[name] = min(large, NOISIEST) if is_stated else large
     return factor
 

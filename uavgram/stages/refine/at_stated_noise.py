@@ -95,8 +95,7 @@ def adjust_at_stated_noise(
         known_less, causes = _free_wrong_priors(survey, found)
         again = _adjust_again(known_less, keep, reason) if known_less is not survey else None
         if again is not None:
-            # Poses of the log that were left out before took part again.
-            left_out = [*replace(robust, poses=()).messages(given), *again.messages(known_less)]
+            left_out += again.messages(known_less)
             off_ground = sorted({*off_ground, *again.labels})
             survey, refined = again.survey, replace(again.refined, pick_removed=removed)
         else:

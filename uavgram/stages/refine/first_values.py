@@ -234,7 +234,7 @@ def _extend_choices(
     if control:
         height = estimate_ground_height(survey)
     lift = np.array([0.0, 0.0, height])
-    shown, values = replace_matches_by_picks(survey), []
+    shown, values = replace_matches_by_picks(_state_control_heights(survey, height)), []
     ray = _compute_rays(shown)
     for poses in choices:
         network = PlaneNetwork(shown, ray)
@@ -254,6 +254,19 @@ def _extend_choices(
             "give the log"
         )
     return values
+
+
+def _state_control_heights(survey: Survey, height_m: float) -> Survey:
+    """State the heights of control points above the plane, where they are free.
+
+    They are known: such a point places photos as one on the ground does.
+    """
+    label = survey.control_label[survey.is_free[survey.control_label]]
+    rows = np.isin(survey.control_label, label)
+    free, above = survey.is_free.copy(), survey.height_above_m.copy()
+    free[label] = False
+    above[label] = survey.control_world_m[rows, 2] - height_m
+    return replace(survey, is_free=free, height_above_m=above)
 
 
 def _move_to_gauge(values: FirstValues) -> FirstValues:

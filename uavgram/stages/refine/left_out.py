@@ -178,25 +178,17 @@ def report_heights_left_out(
         )
 
 
-def report_poses_left_out(refined: Refined, frames: Sequence[str]) -> Iterator[Message]:
-    """Report each photo whose pose by the log was left out, and its distance from that pose.
-
-    Parameters
-    ----------
-    refined
-        Adjustment with large sigmas of these poses.
-    frames
-        Names of the photos.
-    """
+def report_poses_left_out(refined: Refined) -> Iterator[Message]:
+    """Report each photo whose pose by the log was left out, and its distance from that pose."""
     problem, blocks = refined.adjustment.problem, refined.adjustment.minimum.blocks
     prior = problem.survey.telemetry
-    if prior is None or not frames:
+    if prior is None or not refined.pose_widened:
         return
     # Residuals in metres and radians, from those in sigmas.
     whitening = problem.telemetry_whitening
     residual = np.linalg.solve(whitening, blocks["telemetry"].residual[..., None])[..., 0]
     row = {problem.survey.frame_id[k]: i for i, k in enumerate(prior.frame_index.tolist())}
-    for frame in frames:
+    for frame in refined.pose_widened:
         if frame not in row:
             continue
         own = residual[row[frame]]
@@ -207,14 +199,14 @@ def report_poses_left_out(refined: Refined, frames: Sequence[str]) -> Iterator[M
             "warning",
             "telemetry-strained",
             f"Photo {frame!r} is not where the log has it: all other observations place it {how}. "
-            "The log's position and direction of it are not used. Check its picks, its time, the "
+            "The log's position and direction of it hardly count. Check its picks, its time, the "
             "gimbal and its zoom.",
             frames=(frame,),
             several=MessagePlural(
                 "{count} photos are not where the log has them: all other observations place them "
                 "elsewhere",
                 f"{frame!r} ({how})",
-                ending="The log's positions and directions of them are not used. Check the picks, "
+                ending="The log's positions and directions of them hardly count. Check the picks, "
                 "the times, the gimbal and the zoom of these photos.",
             ),
         )

@@ -27,7 +27,7 @@ from uavgram.stages.refine.causes.common_length_errors import report_possible_er
 from uavgram.stages.refine.causes.correction import apply_corrections
 from uavgram.stages.refine.causes.mirrored_photos import find_mirrored_solution, report_undecided
 from uavgram.stages.refine.data_snooping import MAX_REMOVED_SHARE, find_blunder
-from uavgram.stages.refine.left_out import add_records
+from uavgram.stages.refine.left_out import add_records, report_poses_left_out
 from uavgram.stages.refine.minima import find_best_minima
 from uavgram.stages.refine.noise import estimate_noise, report_noise
 from uavgram.stages.refine.off_ground import report_off_ground
@@ -126,7 +126,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
     told = (*causes, *begun.messages)
     told = (*told, *tied, *report_off_ground(refined), *readout, *report_noise(refined.noise))
-    told = (*told, *report_learnt(refined.adjustment))
+    told = (*told, *report_learnt(refined.adjustment), *report_poses_left_out(refined))
     if not any("lengths" in one.message.code for one in begun.causes):
         search += report_possible_errors(refined.adjustment)
     return refined, (*told, *report_refinement(survey, refined), *search)

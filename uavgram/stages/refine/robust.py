@@ -32,10 +32,16 @@ from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
-from uavgram.estimation.survey.selection import remove_known, select_control, select_picks
+from uavgram.estimation.survey.selection import (
+    remove_known,
+    select_control,
+    select_picks,
+    widen_poses,
+)
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.frames import TelemetryPrior
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey import Ground, Survey
@@ -53,7 +59,6 @@ from uavgram.stages.refine.annealing import (
 from uavgram.stages.refine.left_out import (
     report_control_left_out,
     report_heights_left_out,
-    report_poses_left_out,
 )
 from uavgram.stages.refine.minima import (
     FULL,
@@ -82,6 +87,12 @@ MOST_IN_PAIRS = 7
 MOST_GROSS_OF_A_PHOTO = 4
 """Number of gross errors that a photo counts as where it is left out: three picks determine its
 pose, and a fourth one checks it."""
+
+CORRELATED = 3.0
+"""Factor of the sigmas of poses of a log that is wrong as a whole: their errors go together."""
+
+NO_LOG = 100.0
+"""Factor of the sigmas of the log's poses with which these hardly take part."""
 
 MISFIT = 1e-6
 """Probability of the sum of squares without gross errors, below which the rest does not fit."""
@@ -135,8 +146,8 @@ class Robust:
         Survey without control points that are gross errors, and with a height of its own for each
         label that is off the ground.
     refined
-        Its adjustment; `line_removed`, `known_removed` and `pick_reason` hold the other gross
-        errors.
+        Its adjustment; `line_removed`, `known_removed`, `pick_reason` and `pose_widened` hold the
+        other gross errors.
     control
         Rows of the control points of the original survey that were left out.
     labels
@@ -146,9 +157,6 @@ class Robust:
     contradicting
         Names of labels whose picks contradict each other. These picks have sigmas as large as their
         misfit, since no observation shows which of them is wrong.
-    poses
-        Names of photos whose poses by the log are gross errors: these have sigmas as large as
-        their misfit.
     """
 
     survey: Survey
@@ -157,13 +165,11 @@ class Robust:
     labels: tuple[str, ...] = ()
     heights: tuple[str, ...] = ()
     contradicting: tuple[str, ...] = ()
-    poses: tuple[str, ...] = ()
 
     def messages(self, survey: Survey) -> Iterator[Message]:
-        """Report what was left out of control, heights and log, and picks that contradict."""
+        """Report what was left out of control and heights, and picks that contradict."""
         yield from report_control_left_out(survey, self.refined, self.control)
         yield from report_heights_left_out(survey, self.refined, self.heights)
-        yield from report_poses_left_out(self.refined, self.poses)
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
             frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
@@ -216,8 +222,10 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
             rest = agreed[0].taking
             if not agreed[0].explains():
                 agreed = _most_agreed(rest)
-        # Photos that contradict the rest, but without which it does not fit, are no exception.
-        robust = _without_outliers(taking, [one for one in agreed if not one.misplaced])
+        # Photos that contradict the rest, but without which it does not fit, are no exception; then
+        # a candidate with them is the last resort.
+        placed = [one for one in agreed if not one.misplaced]
+        robust = _without_outliers(taking, placed or agreed)
         if robust is not None:
             return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
     if plain is None:
@@ -460,7 +468,7 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
     searches = [_without_references, _without_photos]
     if not found or found[0].doubts_a_photo():
         searches.reverse()
-    for search in (_without_suspects, *searches, _without_two_lengths):
+    for search in (_without_suspects, _without_the_log, *searches, _without_two_lengths):
         best = found[:1]
         for candidate in search(taking, found):
             found = _by_cost(taking, [*found, candidate])
@@ -533,6 +541,27 @@ def _without_suspects(taking: Participants, found: Sequence[Candidate]) -> Itera
         best = _by_cost(rest, chain(_from_rest(rest), _from_softened(rest)))[:1]
         yield from best
         names = (*names, *best[0].misplaced) if best and best[0].misplaced else ()
+
+
+def _without_the_log(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Adjust robustly from first values that hardly depend on the log's poses.
+
+    Where the clock or the order of the poses is wrong, all of them are, and bend the rest.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    found
+        Candidates so far, that of least cost first.
+    """
+    prior = taking.survey.telemetry
+    if prior is None or (found and found[0].explains()) or taking.line_removed.all():
+        return
+    whole = _unsoftened(taking)
+    names = (taking.survey.frame_id[k] for k in prior.frame_index.tolist())
+    without = replace(whole, pose_widened=dict.fromkeys(names, NO_LOG))
+    yield from _from_reduced(without, whole, taking)
 
 
 def _without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -766,6 +795,7 @@ def _stated_problem(
             & np.isin(np.array(survey.frame_id)[survey.pick_frame], reduced.frame_id)
         )
     stated = select_picks(remove_known(survey, whole.known_removed), is_placed).survey
+    every_pose = widen_poses(survey, whole.pose_widened)
     roughness = (one.roughness_sigma_m for one in stated.grounds)
     survey = replace(
         reduced,
@@ -779,6 +809,7 @@ def _stated_problem(
         control_label=stated.control_label,
         control_world_m=stated.control_world_m,
         control_sigma_m=stated.control_sigma_m,
+        telemetry=_select_poses(every_pose, reduced),
         grounds=tuple(
             replace(ground, roughness_sigma_m=sigma_m)
             for ground, sigma_m in zip(reduced.grounds, roughness, strict=True)
@@ -787,6 +818,16 @@ def _stated_problem(
     lines = ~whole.line_removed[first.line_index]
     placed = replace(first, pick_index=np.flatnonzero(is_placed))
     return placed, SurveyProblem(survey, adjustment.problem.pivot_m, lines)
+
+
+def _select_poses(survey: Survey, reduced: Survey) -> TelemetryPrior | None:
+    """Return the log's poses in a part of a survey, with their sigmas in the survey."""
+    every, prior = survey.telemetry, reduced.telemetry
+    if every is None or prior is None:
+        return prior
+    of = {survey.frame_id[k]: row for row, k in enumerate(every.frame_index.tolist())}
+    rows = [of[reduced.frame_id[k]] for k in prior.frame_index]
+    return replace(prior, covariance=every.covariance[rows])
 
 
 def _with_ground(problem: SurveyProblem, grounds: tuple[Ground, ...]) -> SurveyProblem:
@@ -824,6 +865,10 @@ def _weights_without(
     known = [problem.known[k].index in taking.known_removed for k in problem.known_thing]
     control = ~np.isin(problem.survey.control_label, adjustment.survey.control_label)
     is_out = {"lengths": lines, "known": np.array(known, dtype=np.bool_), "control": control}
+    if problem.survey.telemetry is not None:
+        frames = problem.survey.telemetry.frame_index.tolist()
+        poses = [problem.survey.frame_id[k] in taking.pose_widened for k in frames]
+        is_out["telemetry"] = np.array(poses, dtype=np.bool_)
     return {name: np.where(rows, NEARLY_NONE, 1.0) for name, rows in is_out.items() if len(rows)}
 
 
@@ -1088,12 +1133,14 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     if refined is None:
         return None
     contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
-    wrong_control, poses = np.flatnonzero(is_wrong), tuple(wrong_poses)
-    return Robust(rest, refined, wrong_control, names, heights, contradicting, poses)
+    return Robust(rest, refined, np.flatnonzero(is_wrong), names, heights, contradicting)
 
 
 def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str, float]:
-    """Find poses by the log that are gross errors, where they are a minority with earlier ones.
+    """Find poses by the log that are gross errors, and factors that enlarge their sigmas.
+
+    Where they are half of the poses or more, together with earlier ones, the log as a whole is less
+    exact than stated, and all its poses have one factor.
 
     Parameters
     ----------
@@ -1109,21 +1156,26 @@ def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str,
     prior, frame_id = found.problem.survey.telemetry, found.problem.survey.frame_id
     if prior is None:
         return {}
-    rows = found.gross("telemetry")
-    names = [frame_id[k] for k in prior.frame_index[rows]]
-    if 2 * len({*names, *before}) >= len(prior.frame_index):
-        return {}
-    misfit = found.misfit["telemetry"][rows].tolist()
-    return {name: one * before.get(name, 1.0) for name, one in zip(names, misfit, strict=True)}
+    squares = squared_misfits(found.problem, found.minimum, found.weight)["telemetry"]
+    name = [frame_id[k] for k in prior.frame_index]
+    factor = np.sqrt(squares) * [before.get(one, 1.0) for one in name]
+    rows = np.flatnonzero(squares > GROSS_SIGMAS**2)
+    if 2 * len({name[k] for k in rows} | before.keys()) < len(name):
+        return {name[k]: float(factor[k]) for k in rows}
+    common = CORRELATED * float(np.sqrt(np.mean(factor**2)))
+    return dict.fromkeys(name, common) if len(rows) else {}
 
 
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:
-    """Adjust the rest, from the robust adjustment where other first values fail."""
+    """Adjust the rest, from the robust adjustment where other first values lead nowhere near it."""
+    number = int(left.keep.sum())
+    results: list[Refined] = []
     with suppress(GeometryError):
-        return find_best_minima(left)
-    with suppress(GeometryError):
-        return find_minima_from(left, lambda survey: [_first_values(found, survey)])
-    return None
+        results.append(find_best_minima(left))
+    if not results or _cost_of_all(results[0], number) > (False, found.cost + RIVAL):
+        with suppress(GeometryError):
+            results.append(find_minima_from(left, lambda survey: [_first_values(found, survey)]))
+    return min(results, key=lambda one: _cost_of_all(one, number), default=None)
 
 
 def _cost_of_all(refined: Refined, picks: int) -> tuple[bool, float]:
@@ -1144,6 +1196,7 @@ def _first_values(found: Annealed, survey: Survey) -> FirstValues:
         rotation=state.rotation[frame],
         height_m=float(state.plane[0]),
         departure_m=np.where(free, state.point[label, 2], 0.0),
+        telemetry=state.telemetry,
     )
 
 
