@@ -1,4 +1,4 @@
-"""Same input, same output: whatever the environment, to the last digit."""
+"""The command gives small matrices and OpenCV one thread, unless the user says otherwise."""
 
 from __future__ import annotations
 
@@ -9,12 +9,39 @@ import sys
 from pathlib import Path
 
 import cv2
+import pytest
 from small_projects import Project
 from threadpoolctl import threadpool_limits
 
 import uavgram
 from uavgram.model.board import CalibrationOptions
 from uavgram.pipeline.cameras.calibrate import calibrate
+
+PROGRAM = """
+import os, sys
+from uavgram.cli import main
+print("numpy" in sys.modules, "cv2" in sys.modules)
+main(["check", "nowhere.yaml"])
+print("numpy" in sys.modules, os.environ["OPENBLAS_NUM_THREADS"])
+import cv2
+print(cv2.getNumThreads())
+"""
+THREADS = ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+
+
+@pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("3", "3")])
+def test_it_is_settled_before_they_are_loaded(given: str | None, expected: str) -> None:
+    environment = {k: v for k, v in os.environ.items() if k not in THREADS}
+    if given is not None:
+        environment.update(dict.fromkeys(THREADS, given))
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == ["False False", f"True {expected}", expected]
+
+
+# Same input, same output: whatever the environment, to the last digit.
+
 
 ELSEWHERE = {
     "OPENBLAS_NUM_THREADS": "4",
@@ -25,7 +52,7 @@ ELSEWHERE = {
     "PYTHONUTF8": "0",
     "PYTHONHASHSEED": "77",
 }
-PROGRAM = "import os, sys, uavgram; os.umask(0o077); uavgram.run(*sys.argv[1:])"
+RUN_PROGRAM = "import os, sys, uavgram; os.umask(0o077); uavgram.run(*sys.argv[1:])"
 
 
 CALIBRATE = """
@@ -49,7 +76,7 @@ def test_neither_threads_nor_place_nor_language_change_a_digit(
     with threadpool_limits(1, user_api="blas"):
         uavgram.run(project.path, here)
     subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(project.path), str(there)],
+        [sys.executable, "-c", RUN_PROGRAM, str(project.path), str(there)],
         env={**os.environ, **ELSEWHERE},
         check=True,
     )

@@ -1,4 +1,4 @@
-"""Command `uavgram simulate`."""
+"""Commands on surveys with known truth: `uavgram demo`, `simulate` and `study`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,70 @@ from cyclopts import Parameter, validators
 from uavgram.cli.application import DONE, Flag, Seed, Verbose, app
 from uavgram.cli.terminal import log_to_stderr, print_lines, print_written_files, progress
 from uavgram.errors import UavgramError
+
+if TYPE_CHECKING:
+    from uavgram.model.camera import Calibration
+    from uavgram.synthetic.scenario import Scenario
+
+
+@app.command
+def demo(
+    *,
+    output: Path = Path("uavgram-demo"),
+    scenario: Path | None = None,
+    seed: Seed | None = None,
+    verbose: Verbose = False,
+) -> int:
+    """Write the built-in survey (flight, photos, log, picks), run it, and compare with its truth.
+
+    Parameters
+    ----------
+    output
+        Folder of the survey; its results go to DIR/out.
+    scenario
+        Another survey than the built-in one, such as an edited configs/demo.yaml.
+    seed
+        Seed of the random errors; by default always the same survey.
+    verbose
+        Show the progress of the work.
+    """
+    from uavgram.synthetic.scenario import Scenario
+    from uavgram.synthetic.scenario_file import read_world
+
+    log_to_stderr(verbose=verbose)
+    if scenario is not None:
+        world = read_world(scenario, seed)
+        return show_survey(output, world.scenario, world.calibration, verbose=verbose)
+    survey = Scenario() if seed is None else Scenario().with_seed(seed)
+    return show_survey(output, survey, verbose=verbose)
+
+
+def show_survey(
+    output: Path, survey: Scenario, calibration: Calibration | None = None, *, verbose: bool
+) -> int:
+    """Write a simulated survey, run it, and compare with its truth.
+
+    Parameters
+    ----------
+    output
+        Folder of the survey.
+    survey, calibration
+        Simulated survey, and its camera if it is from a file.
+    verbose
+        Whether every message is shown.
+    """
+    from uavgram.synthetic.demo import run_demo
+    from uavgram.views.terminal import findings_lines, truth_table
+
+    result, truth, project = run_demo(output, survey, progress(), calibration)
+    recording = project.parent / "out" / "recording.rrd"
+    print_lines(truth_table(result, truth), *findings_lines(result, verbose=verbose))
+    print_lines("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
+    print_lines(
+        f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}"
+    )
+    return DONE
+
 
 if TYPE_CHECKING:
     from uavgram.synthetic.simulate import SimulationRequest
@@ -80,8 +144,6 @@ def simulate(
     if as_stated:
         world = replace(world, scenario=drawn_as_stated(world.scenario))
     if photos:
-        from uavgram.cli.commands.demo import show_survey
-
         return show_survey(output, world.scenario, world.calibration, verbose=verbose)
     return _show(scenario, world, asked, output)
 
@@ -95,4 +157,49 @@ def _show(source: Path, world: World, asked: SimulationRequest, output: Path) ->
     written = write_outputs(found, output, source)
     print_lines("", *simulation_lines(found))
     print_written_files(output, written)
+    return DONE
+
+
+Draws = Annotated[int, Parameter(validator=validators.Number(gte=20, lte=1_000_000))]
+Workers = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=256))]
+
+
+@app.command
+def study(
+    name: str,
+    /,
+    *,
+    repetitions: Draws = 2000,
+    workers: Workers = 0,
+    output: Path = Path("uavgram-study"),
+    verbose: Verbose = False,
+) -> int:
+    """Study which errors matter most, where, and where not: predicted and simulated.
+
+    Parameters
+    ----------
+    name
+        lengths, picks, view, camera or methods; or all.
+    repetitions
+        Draws of each condition.
+    workers
+        Processes; 0: as many as there are cores.
+    output
+        Folder of the page, the figures and the numbers.
+    verbose
+        Show the progress of the work.
+    """
+    from uavgram.synthetic.study import JSON_FILE, PAGE_FILE, list_studies, make_studies
+    from uavgram.views.study import describe_study
+
+    log_to_stderr(verbose=verbose)
+    names = list_studies(name)
+    for found in make_studies(names, output, repetitions, workers, progress()):
+        print_lines(
+            "",
+            f"{found.title} ({found.seconds:.0f} s)",
+            *(f"  {text}" for text in describe_study(found)),
+        )
+    figures = [f"{one}.{kind}" for one in names for kind in ("svg", "png")]
+    print_written_files(output, [JSON_FILE, PAGE_FILE, *figures])
     return DONE
