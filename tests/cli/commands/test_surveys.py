@@ -28,7 +28,7 @@ from uavgram.pipeline.batch.survey import (
     measure_survey,
 )
 from uavgram.pipeline.executor.processes import ItemOutcome
-from uavgram.views.viewer import server as viewer
+from uavgram.views import viewer
 
 
 @pytest.fixture

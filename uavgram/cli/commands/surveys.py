@@ -221,7 +221,7 @@ def view(recording: Path, /, *, web: Flag = False) -> int:
 
 def show_recording(recording: Path, *, web: bool) -> None:
     """Show a recording until its viewer is closed."""
-    from uavgram.views.viewer.server import open_viewer, serve_viewer
+    from uavgram.views.viewer import open_viewer, serve_viewer
 
     if not web:
         open_viewer(recording)
