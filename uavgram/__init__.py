@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from uavgram.io.results.results_json import load_results
     from uavgram.model.result.result import Result
     from uavgram.pipeline.measure.run import run
-    from uavgram.views.notebook import plots
-    from uavgram.views.notebook.tables import to_pandas
+    from uavgram.views import plots
+    from uavgram.views.notebook import to_pandas
 
 __all__ = ["Result", "UavgramError", "load_results", "plots", "run", "to_pandas"]
 
@@ -32,9 +32,9 @@ _HOME = {
     "Result": "uavgram.model.result.result",
     "UavgramError": "uavgram.errors",
     "load_results": "uavgram.io.results.results_json",
-    "plots": "uavgram.views.notebook",
+    "plots": "uavgram.views",
     "run": "uavgram.pipeline.measure.run",
-    "to_pandas": "uavgram.views.notebook.tables",
+    "to_pandas": "uavgram.views.notebook",
 }
 
 
@@ -47,7 +47,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401
     if name not in _HOME:
         raise AttributeError(f"module 'uavgram' has no attribute {name!r}")
     if "IPython" in sys.modules:  # from now on, it shows results as people read them
-        importlib.import_module("uavgram.views.notebook.display").register_display()
+        importlib.import_module("uavgram.views.notebook").register_display()
     if name == "plots":
-        return importlib.import_module("uavgram.views.notebook.plots")
+        return importlib.import_module("uavgram.views.plots")
     return getattr(importlib.import_module(_HOME[name]), name)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from uavgram.views.viewer.proxy import LOOPBACK, ViewerProxy
+from uavgram.views.viewer import LOOPBACK, ViewerProxy
 
 PAGE = """<!doctype html><html><head><title>viewer</title>
 <link rel="preconnect" href="http://ELSEWHERE/">

@@ -288,15 +288,15 @@ def test_without_a_command_the_page_opens(
     typed: list[str], opened: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from uavgram.cli import entry
-    from uavgram.cli.commands import pick
+    from uavgram.cli.commands import picks
 
     (tmp_path / "case").mkdir()
     (tmp_path / "run").mkdir()
     (tmp_path / "case" / "project.yaml").write_text("name: case\n")
     monkeypatch.chdir(tmp_path)
     served: list[Path | None] = []
-    monkeypatch.setattr(pick, "_serve", lambda wanted, *_, **__: served.append(wanted))
-    monkeypatch.setattr(pick, "_find_running_page", lambda *_, **__: False)
+    monkeypatch.setattr(picks, "_serve", lambda wanted, *_, **__: served.append(wanted))
+    monkeypatch.setattr(picks, "_find_running_page", lambda *_, **__: False)
     assert entry.run_command(typed) == 0
     assert served == [None if opened is None else Path(opened)]
 

@@ -16,19 +16,17 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
 from uavgram.stages.products.text_places import overlaps
-from uavgram.views.recording.photo import project_picks
-from uavgram.views.recording.photo_overlay import HALF_LETTER, LINE_HEIGHT, place_on_photo
-from uavgram.views.recording.scene import Eye, measure_scene
-from uavgram.views.recording.view_texts import (
+from uavgram.views.recording.labels import (
     HALF_LETTER_ON_SCREEN,
     LINE_ON_SCREEN,
     ViewTexts,
     place_in_space,
+    survey_labels,
 )
-from uavgram.views.recording.world.labels import survey_labels
+from uavgram.views.recording.photo import HALF_LETTER, LINE_HEIGHT, place_on_photo, project_picks
+from uavgram.views.recording.scene import Eye, measure_scene
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.site_plan.legend import PlanPage
-from uavgram.views.site_plan.pages import PlanContent, draw_sheet
+from uavgram.views.site_plan import PlanContent, PlanPage, draw_sheet
 from uavgram.views.survey.figure import draw_figure
 
 PLAN = re.compile(r'<svg class="(?:drawing|photo)".*?</svg>', re.DOTALL)

@@ -1,4 +1,4 @@
-"""Command line: arguments -> one call of the pipeline -> exit status; one file per command.
+"""Command line: arguments -> one call of the pipeline -> exit status; commands by subject.
 
 Hardly anything is loaded here: before `main` starts, Python handles Ctrl+C in its own way.
 """

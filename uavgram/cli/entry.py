@@ -12,26 +12,16 @@ from pathlib import Path
 import cyclopts
 
 from uavgram.cli.application import DONE, PROBLEM, QUIET, WRONG_USAGE, app
-from uavgram.cli.commands import (  # noqa: F401  (each registers itself with the application)
-    batch,
-    calibrate,
-    camera,
-    check,
-    demo,
+from uavgram.cli.commands import (  # noqa: F401  (each registers its commands with the application)
+    cameras,
     explain,
-    geotag,
+    exports,
     log,
-    new,
-    pick,
     picks,
     plan,
-    rectify,
-    run,
     shortcut,
-    simulate,
-    study,
-    targets,
-    view,
+    simulations,
+    surveys,
 )
 from uavgram.cli.interrupt import was_interrupted
 from uavgram.cli.terminal import be_quiet, convert_units, drop_output, set_units

@@ -42,7 +42,7 @@ def set_units(units: Units) -> None:
 
 def set_result(result: Result) -> None:
     """Convert lengths of this result from their exact values from now on; keep names unchanged."""
-    from uavgram.views.sentence_units import exact_lengths, list_names_like_lengths
+    from uavgram.views.units import exact_lengths, list_names_like_lengths
 
     if _UNITS.get() != METRIC:
         _KNOWN.set((list_names_like_lengths(result), exact_lengths(result)))
@@ -65,7 +65,7 @@ def set_project_units(project: Path) -> Units:
 
 def convert_units(text: str) -> str:
     """Return a text with its lengths and speeds in the units of the project."""
-    from uavgram.views.sentence_units import convert_sentence
+    from uavgram.views.units import convert_sentence
 
     return convert_sentence(text, _UNITS.get(), *_KNOWN.get())
 

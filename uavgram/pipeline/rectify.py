@@ -33,8 +33,7 @@ from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
 from uavgram.views.formatting import BRIGHTENED
-from uavgram.views.sentence_units import convert_sentence
-from uavgram.views.units import round_bar, units_of
+from uavgram.views.units import convert_sentence, round_bar, units_of
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000

@@ -20,8 +20,7 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.pose_methods import LIMIT_SETTINGS, compare_methods
 from uavgram.synthetic.single_photos import Setting, StudyCell, StudyScene, simulate_cell
-from uavgram.views.study import render_study_page
-from uavgram.views.study_figures import figure_files
+from uavgram.views.study import figure_files, render_study_page
 
 STUDY_SCHEMA = 1
 

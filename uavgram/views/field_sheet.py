@@ -33,13 +33,11 @@ from uavgram.views.flight_plan import (
     unchecked_lines,
     value_rows,
 )
-from uavgram.views.pages import page
-from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
-from uavgram.views.sentence_units import convert_sentence, select_like_lengths
+from uavgram.views.pages import PAPER_SIZES, page, page_pdf
 from uavgram.views.survey.drawing import HATCH, PAPER, Drawing, Look
 from uavgram.views.survey.sheet import Sheet, lay_sheet
 from uavgram.views.survey.text_placement import Letters, TextRequest, box
-from uavgram.views.units import round_bar, table_unit
+from uavgram.views.units import convert_sentence, round_bar, select_like_lengths, table_unit
 
 WIDTH = 900.0
 MIN_HEIGHT, MAX_HEIGHT = 420.0, 740.0

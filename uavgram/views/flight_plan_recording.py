@@ -31,12 +31,11 @@ from uavgram.views.flight_plan import (
 )
 from uavgram.views.pages import plain, table
 from uavgram.views.recording.blueprint import layout, legend_view, page_views, space_view
+from uavgram.views.recording.labels import log_in_space, place_in_space
+from uavgram.views.recording.legend import BAR_PX, LEGEND, LegendPicture
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.view_texts import log_in_space, place_in_space
-from uavgram.views.recording.world.legend import BAR_PX, LEGEND, LegendPicture
-from uavgram.views.recording.world.survey import close_border
-from uavgram.views.sentence_units import convert_sentence, select_like_lengths
+from uavgram.views.recording.survey import close_border
 from uavgram.views.style import (
     BAD,
     MEASURED,
@@ -48,6 +47,7 @@ from uavgram.views.style import (
     scale_colours,
 )
 from uavgram.views.survey.outlines import corner_rays, longest_middle, pyramids
+from uavgram.views.units import convert_sentence, select_like_lengths
 
 SUMMARY, LAY, PHOTO = "documents/summary", "documents/lines", "documents/photo"
 

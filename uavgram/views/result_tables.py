@@ -29,15 +29,11 @@ from uavgram.views.formatting import (
     shift_text,
     size_text,
 )
-from uavgram.views.survey.off_ground import collect_departures, height_of
+from uavgram.views.survey.heights import collect_departures, height_of
+from uavgram.views.survey.key_facts import has_automatic_picks, note_automatic_values, point_origins
 from uavgram.views.survey.reliability import (
     effect_words,
     line_limits,
-)
-from uavgram.views.survey.sources import (
-    has_automatic_picks,
-    note_automatic_values,
-    point_origins,
 )
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import spread_text, table_unit, units_of

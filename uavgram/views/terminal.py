@@ -22,9 +22,8 @@ from uavgram.views.formatting import (
     utc,
 )
 from uavgram.views.result_tables import result_table
-from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.survey.verdict import scale_sentence, verdict_sentence
-from uavgram.views.units import units_of, value_text
+from uavgram.views.units import convert_sentence, units_of, value_text
 
 
 def measurement_table(result: Result, most: int = 0) -> str:

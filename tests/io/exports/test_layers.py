@@ -37,7 +37,7 @@ from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.planned_layers import plan_layers
-from uavgram.views.map_styles import LOOKS
+from uavgram.views.style import LOOKS
 
 UNDULATION_M = 46.3
 KML = "{http://www.opengis.net/kml/2.2}"

@@ -12,7 +12,7 @@ import pytest
 from pick_pages import small_project
 from starlette.types import Receive, Scope, Send
 
-from uavgram.cli.commands.pick import pick
+from uavgram.cli.commands.picks import pick
 from uavgram.picking.web import serving
 from uavgram.picking.web.guard import Guard
 

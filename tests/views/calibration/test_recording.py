@@ -12,8 +12,8 @@ from rerun.chunk import Chunk, RrdReader
 
 from uavgram.errors import OutputError
 from uavgram.model.board import CalibrationAccount, CalibrationOptions
-from uavgram.views.calibration.drawing_rules import residual_factor
-from uavgram.views.calibration.recording.write import write_calibration_recording
+from uavgram.views.calibration.drawings import residual_factor
+from uavgram.views.calibration.recording import write_calibration_recording
 
 PHOTO = "/around_the_board/current_camera/photo"
 

@@ -29,8 +29,12 @@ from uavgram.model.result.result import Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves import frame_curves, pose_curves
-from uavgram.views.recording.photo import project_picks
-from uavgram.views.recording.photo_overlay import HALF_LETTER, ON_SMALL_SCREENS, place_on_photo
+from uavgram.views.recording.photo import (
+    HALF_LETTER,
+    ON_SMALL_SCREENS,
+    place_on_photo,
+    project_picks,
+)
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.survey.reliability import pick_limit
 

@@ -25,8 +25,7 @@ from uavgram.model.result.tables import LineStatus
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.formatting import measurement_text
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.report.pictures import DASHES, ON_MEASURED, Gallery, gallery
-from uavgram.views.report.scale_bars import Bar, place_bar
+from uavgram.views.report.pictures import DASHES, ON_MEASURED, Bar, Gallery, gallery, place_bar
 from uavgram.views.style import LINE_COLOURS, hex_colour
 from uavgram.views.survey.drawing import Drawing, Look
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import synthetic_survey as survey
 from scipy.stats import norm
 
@@ -20,7 +21,7 @@ from uavgram.model.result.reliability import (
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PointChecks
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.survey.reliability import overall_words, prior_rows
+from uavgram.views.survey.reliability import line_limits, overall_words, prior_rows
 
 
 def judged(result: Result) -> Result:
@@ -138,3 +139,20 @@ def test_a_result_without_evidence_has_a_report_without_all_this() -> None:
     page = render_report(survey.build()) + render_annex(survey.build())
     assert "Errors that would not be detected" not in page
     assert "Removed as blunders" not in page
+
+
+# What the report and the recording mark as odd is what the tests suspect.
+
+
+def test_a_withheld_length_has_a_limit_of_its_own() -> None:
+    result = survey.build()
+    count = len(result.lines.w)
+    many = replace(
+        result.lines,
+        w=np.ones(count),
+        status=("checked", *["used"] * (count - 1)),  # type: ignore[arg-type]  # literals
+    )
+    limits = line_limits(replace(result, lines=many))
+    assert limits[0] == pytest.approx(norm.isf(0.0005))
+    shared = norm.isf(0.001 * min(1.0, 10 / (count - 1)) / 2)
+    assert limits[1:] == pytest.approx(np.full(count - 1, shared))

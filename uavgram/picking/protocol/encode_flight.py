@@ -11,7 +11,7 @@ from uavgram.model.planned import FlightPlanned
 from uavgram.picking.protocol import messages as m
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.views.flight_plan import LineRow, PlateRow, line_rows, plate_rows, plate_side
-from uavgram.views.sentence_units import convert_sentence
+from uavgram.views.units import convert_sentence
 
 MAX_VERTICES = 300
 

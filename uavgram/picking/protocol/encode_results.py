@@ -6,14 +6,13 @@ from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.picking.protocol import messages as m
 from uavgram.views.formatting import measurement_text, order_shapes_first
-from uavgram.views.sentence_units import convert_sentence, exact_lengths, list_names_like_lengths
 from uavgram.views.survey.verdict import (
     reason_sentence,
     status_text,
     summarise_result,
     verdict_words,
 )
-from uavgram.views.units import units_of
+from uavgram.views.units import convert_sentence, exact_lengths, list_names_like_lengths, units_of
 
 
 def results_json(result: Result) -> m.Results:

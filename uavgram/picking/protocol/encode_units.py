@@ -14,8 +14,15 @@ from typing import Any
 from uavgram.model.naming import Units
 from uavgram.picking.document.state import State
 from uavgram.picking.protocol.messages import Words
-from uavgram.views.sentence_units import convert_sentence, select_like_lengths, sorted_magnitudes
-from uavgram.views.units import format_fixed, quantity, table_unit, value_text
+from uavgram.views.units import (
+    convert_sentence,
+    format_fixed,
+    quantity,
+    select_like_lengths,
+    sorted_magnitudes,
+    table_unit,
+    value_text,
+)
 
 SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
 """Keys of sentences for people."""

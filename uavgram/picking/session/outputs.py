@@ -14,7 +14,7 @@ from uavgram.io.results.results_json import load_results
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_results import extract_plan, results_json
 from uavgram.picking.storage.file_watch import Stamp, stamp_of
-from uavgram.views.viewer.server import RecordingServer
+from uavgram.views.viewer import RecordingServer
 
 log = logging.getLogger(__name__)
 

@@ -56,7 +56,7 @@ from uavgram.stages.calibrate.assessment import (
 from uavgram.stages.calibrate.calibrate import calibrate as estimate
 from uavgram.stages.camera import assume_camera
 from uavgram.stages.messages import order_messages
-from uavgram.views.calibration.drawing_rules import residual_factor, rows_by_photo
+from uavgram.views.calibration.drawings import residual_factor, rows_by_photo
 from uavgram.views.calibration.report import render_calibration_report
 
 FOLDER = "calibration"
@@ -292,9 +292,7 @@ def _write_recording(
     account: CalibrationAccount, previews: Mapping[str, Preview], path: Path
 ) -> None:
     # The viewer's library takes half a second and 30 MB to load.
-    from uavgram.views.calibration.recording.write import (  # noqa: PLC0415
-        write_calibration_recording,
-    )
+    from uavgram.views.calibration.recording import write_calibration_recording  # noqa: PLC0415
 
     write_calibration_recording(account, previews, path)
 

@@ -24,7 +24,7 @@ from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
 from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
-from uavgram.views.map_styles import LOOKS
+from uavgram.views.style import LOOKS
 from uavgram.views.units import quantity, table_unit, units_of
 
 Writers = dict[str, Callable[[Path], None]]

@@ -25,7 +25,7 @@ from uavgram.stages.products.plan_sheets import (
     surveyed_extent,
 )
 from uavgram.stages.products.top_view import choose_view, photo_pixels_m
-from uavgram.views.site_plan.pages import GroundPicture, PlanContent, plan_pages
+from uavgram.views.site_plan import GroundPicture, PlanContent, plan_pages
 from uavgram.views.units import units_of
 
 PLAN_PNG, PLAN_MAP = "plan.png", "plan.tif"

@@ -55,8 +55,8 @@ from uavgram.synthetic.scenario_file import format_scenario, read_scenario_docum
 from uavgram.views.field_sheet import NAME as SHEET
 from uavgram.views.field_sheet import field_sheet, field_sheet_pdf
 from uavgram.views.flight_plan_recording import write_plan_recording
-from uavgram.views.map_styles import LOOKS
-from uavgram.views.pages_pdf import weasyprint_for
+from uavgram.views.pages import weasyprint_for
+from uavgram.views.style import LOOKS
 
 GROSS_ERROR_M = 0.3
 """Gross error of a tape reading that people do make: a slipped decimetre mark or three."""

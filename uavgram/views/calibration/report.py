@@ -10,11 +10,12 @@ import numpy as np
 from uavgram.imaging.photos.preview import shrink_jpeg
 from uavgram.model.arrays import Floats
 from uavgram.model.board import Board, CalibrationAccount, CalibrationResult, LensEffect, ModelScore
-from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text, rows_by_photo
-from uavgram.views.calibration.maps import (
+from uavgram.views.calibration.drawings import (
+    SQRT2,
     coverage_map,
     length_map,
     residual_map,
+    rows_by_photo,
     tilt_dial,
     uncertainty_map,
 )
@@ -23,6 +24,7 @@ from uavgram.views.calibration.verdict import (
     calibration_facts,
     judge_calibration,
     percent,
+    pixels_text,
 )
 from uavgram.views.formatting import LEVEL_RANK, number
 from uavgram.views.pages import page

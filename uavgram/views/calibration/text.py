@@ -11,8 +11,8 @@ from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.model.arrays import Floats
 from uavgram.model.board import CalibrationAccount, CalibrationResult
 from uavgram.model.camera import Calibration, CameraProvenance
-from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text
-from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
+from uavgram.views.calibration.drawings import SQRT2
+from uavgram.views.calibration.verdict import calibration_facts, judge_calibration, pixels_text
 from uavgram.views.formatting import number
 from uavgram.views.terminal import align_columns, message_lines
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from uavgram.model.board import CalibrationAccount, CalibrationResult, LensEffect
 from uavgram.model.camera import Calibration
-from uavgram.views.calibration.drawing_rules import pixels_text
 from uavgram.views.formatting import LEVEL_RANK
 from uavgram.views.survey.outlines import largest_known
 
@@ -145,3 +144,12 @@ def _length_facts(effects: tuple[LensEffect, ...]) -> tuple[Fact, ...]:
 def percent(share: float) -> str:
     """Format a share in percent with two significant digits: ``0.032 %``."""
     return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
+
+
+def pixels_text(value: float) -> str:
+    """Format pixels with two significant digits: ``0.18``, ``2.4``, ``25``; en dash for NaN."""
+    if not np.isfinite(value):
+        return "–"
+    if value >= 9.95:
+        return f"{value:.0f}"
+    return f"{value:.1f}" if value >= 0.995 else f"{value:.2f}"

@@ -24,6 +24,7 @@ from uavgram.views.recording.curves import (
     FrameCurves,
     PoseCurves,
 )
+from uavgram.views.recording.legend import LEGEND
 from uavgram.views.recording.pages import (
     CHECKS,
     FRAME_SHEET,
@@ -35,20 +36,15 @@ from uavgram.views.recording.pages import (
     SUMMARY,
     messages_title,
 )
-from uavgram.views.recording.photo import PHOTO
-from uavgram.views.recording.photo_overlay import NAME_ABOVE, OVERLAYS
+from uavgram.views.recording.photo import NAME_ABOVE, OVERLAYS, PHOTO
+from uavgram.views.recording.points import CLOSE_UP, ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.scene import Eye, Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
-from uavgram.views.recording.world.earth_map import MAP, has_map
-from uavgram.views.recording.world.legend import LEGEND
-from uavgram.views.recording.world.points import CLOSE_UP, ELLIPSOIDS, RULERS, SIDE_TEXTS
-from uavgram.views.recording.world.profiles import GAP, PROFILES, opening_height
-from uavgram.views.recording.world.survey import ALL, CURRENT
-from uavgram.views.sentence_units import convert_sentence
+from uavgram.views.recording.survey import ALL, CURRENT, GAP, MAP, PROFILES, has_map, opening_height
 from uavgram.views.style import Rgb
+from uavgram.views.survey.heights import WIDTH
 from uavgram.views.survey.key_facts import frame_counts
-from uavgram.views.survey.profiles import WIDTH
-from uavgram.views.units import table_unit, units_of
+from uavgram.views.units import convert_sentence, table_unit, units_of
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)

@@ -25,12 +25,19 @@ from uavgram.views.formatting import (
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.recording.curves import FrameCurves, PoseCurves
 from uavgram.views.recording.photo import FramePicks
+from uavgram.views.recording.points import has_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.world.points import has_outlines
 from uavgram.views.result_tables import result_table
-from uavgram.views.survey.key_facts import key_facts
-from uavgram.views.survey.off_ground import OffGround, height_of
+from uavgram.views.survey.heights import OffGround, height_of
+from uavgram.views.survey.key_facts import (
+    frame_origins,
+    has_automatic_picks,
+    key_facts,
+    note_automatic_values,
+    picks_text,
+    ties_text,
+)
 from uavgram.views.survey.reliability import (
     effect_words,
     overall_words,
@@ -38,13 +45,6 @@ from uavgram.views.survey.reliability import (
     removal_rows,
     second_order_rows,
     weakest_links,
-)
-from uavgram.views.survey.sources import (
-    frame_origins,
-    has_automatic_picks,
-    note_automatic_values,
-    picks_text,
-    ties_text,
 )
 from uavgram.views.survey.verdict import (
     THREE_SIGMA,

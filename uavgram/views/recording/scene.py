@@ -9,13 +9,13 @@ import numpy as np
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.views.survey.key_facts import largest_ellipse
-from uavgram.views.survey.off_ground import (
+from uavgram.views.survey.heights import (
     Departures,
     OffGround,
     collect_departures,
     collect_off_ground,
 )
+from uavgram.views.survey.key_facts import largest_ellipse
 from uavgram.views.survey.outlines import frusta, nice_factor, track
 
 # Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).

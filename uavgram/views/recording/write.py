@@ -17,16 +17,26 @@ from uavgram.views.recording.curves import (
     log_status,
     pose_curves,
 )
+from uavgram.views.recording.legend import log_legend
 from uavgram.views.recording.pages import log_documents
-from uavgram.views.recording.photo import PHOTO, log_camera, log_photos, project_picks
-from uavgram.views.recording.photo_overlay import log_overlay, log_sightings
+from uavgram.views.recording.photo import (
+    PHOTO,
+    log_camera,
+    log_overlay,
+    log_photos,
+    log_sightings,
+    project_picks,
+)
+from uavgram.views.recording.points import log_close_up, log_tie_points
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.world.earth_map import log_map, log_origin
-from uavgram.views.recording.world.legend import log_legend
-from uavgram.views.recording.world.points import log_close_up, log_tie_points
-from uavgram.views.recording.world.profiles import log_profiles
-from uavgram.views.recording.world.survey import log_footprints, log_survey
+from uavgram.views.recording.survey import (
+    log_footprints,
+    log_map,
+    log_origin,
+    log_profiles,
+    log_survey,
+)
 from uavgram.views.units import units_of
 
 

@@ -1,8 +1,14 @@
 """report.html for readers, report-annex.html for specialists: self-contained, also on paper."""
 
 from uavgram.views.report.brief import ground_extent
-from uavgram.views.report.page import annex_of, render_annex, render_report, write_report
-from uavgram.views.report.pdf import check_pdf, report_pdf
+from uavgram.views.report.page import (
+    annex_of,
+    check_pdf,
+    render_annex,
+    render_report,
+    report_pdf,
+    write_report,
+)
 
 __all__ = [
     "annex_of",

@@ -14,9 +14,8 @@ from uavgram.model.result.result import Pictures, Result
 from uavgram.views.formatting import order_shapes_first
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.pictures import GROUND, picture_mark
-from uavgram.views.survey.key_facts import accuracy_words
+from uavgram.views.survey.key_facts import accuracy_words, note_automatic_values
 from uavgram.views.survey.sheet import WIDTH
-from uavgram.views.survey.sources import note_automatic_values
 from uavgram.views.survey.top_view import TopView, fit_layout, top_view, used_points
 from uavgram.views.survey.verdict import verdict_words
 

@@ -1,11 +1,13 @@
-"""Report and its annex: values for their templates, and the list of sections."""
+"""Report and its annex as pages and PDF: their sections, and the basis of the result."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections import Counter
 from collections.abc import Iterable
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,15 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import OutputError
+from uavgram.estimation.reliability.redundancy import (
+    TEST_POWER,
+    compute_critical_value,
+    compute_noncentrality,
+)
+from uavgram.geometry.ground.figures import ELLIPSE_95
+from uavgram.model.maps import Paper
+from uavgram.model.naming import counted
+from uavgram.model.provenance import InputDigest
 from uavgram.model.result.result import NO_PICTURES, Pictures, Result, compare_cameras
 from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
@@ -25,11 +36,12 @@ from uavgram.views.formatting import (
     format_interval,
     height_text,
     measurement_text,
+    number,
     order_shapes_first,
     order_worst_fit_first,
     relief_text,
 )
-from uavgram.views.pages import page, units_shown
+from uavgram.views.pages import PAPER_SIZES, page, page_pdf, units_shown, weasyprint_for
 from uavgram.views.report.annex import lay_out_annex
 from uavgram.views.report.brief import (
     MAX_REASONS,
@@ -37,11 +49,12 @@ from uavgram.views.report.brief import (
     lay_out_brief,
     report_plan,
 )
-from uavgram.views.report.budget import MAX_ROWS, budget_table
 from uavgram.views.report.checks import checks_summary, draw_gauge, known_table
-from uavgram.views.report.foundations import list_foundations, method_facts, select_files
 from uavgram.views.report.measurements import (
+    MAX_ROWS,
+    WORDS,
     alternative_tables,
+    budget_table,
     describe_learnt_noise,
     describe_sampling,
     relief_notes,
@@ -50,33 +63,114 @@ from uavgram.views.report.measurements import (
 from uavgram.views.report.pictures import embed_pictures, gallery
 from uavgram.views.result_tables import result_table, select_rows
 from uavgram.views.style import INK
-from uavgram.views.survey.key_facts import key_facts
-from uavgram.views.survey.key_plan import key_plan
-from uavgram.views.survey.off_ground import collect_departures
+from uavgram.views.survey.heights import collect_departures, profile_drawings
+from uavgram.views.survey.key_facts import (
+    ONLY_PROGRAM,
+    SOURCE_WORDS,
+    format_frame_ties,
+    frame_origins,
+    has_automatic_picks,
+    key_facts,
+    note_automatic_values,
+    picks_text,
+    point_origins,
+    ties_text,
+)
 from uavgram.views.survey.outlines import largest_sigmas
-from uavgram.views.survey.profiles import profile_drawings
 from uavgram.views.survey.reliability import (
     effect_words,
     line_limits,
     overall_words,
     prior_rows,
     removal_rows,
+    significance_of,
     weakest_links,
 )
-from uavgram.views.survey.sources import (
-    ONLY_PROGRAM,
-    SOURCE_WORDS,
-    format_frame_ties,
-    frame_origins,
-    has_automatic_picks,
-    note_automatic_values,
-    picks_text,
-    point_origins,
-    ties_text,
-)
-from uavgram.views.survey.top_view import top_view
+from uavgram.views.survey.top_view import key_plan, top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
+
+MAX_FILES = 40
+"""Number of files whose checksums are in the report; the annex has all."""
+
+
+def list_foundations(result: Result) -> tuple[tuple[str, str], ...]:
+    """List photos, camera, lengths, flight log, points, place and largest uncertainty.
+
+    Returns
+    -------
+    Pairs of question and answer; missing items are omitted, or stated to be missing.
+    """
+    camera, options = result.camera, dict(result.provenance.options)
+    log = options.get("log") or options.get("poses")
+    sources = ", ".join(log) if isinstance(log, tuple) else str(log or "")
+    facts = (
+        ("Photos", _photos(result)),
+        ("Camera", f"{camera.name}, {camera.width_px} x {camera.height_px} px"),
+        ("Known lengths", _lengths(result)),
+        ("Flight log", sources if result.has_seed.any() else "none"),
+        ("Points", picks_text(result) or "all picked by people"),
+        ("Place", describe_origin(result)),
+        ("Largest uncertainty", _largest_source(result)),
+    )
+    return tuple((question, answer) for question, answer in facts if answer)
+
+
+def select_files(result: Result) -> tuple[InputDigest, ...]:
+    """Choose the files whose checksums the report has: photos after all others."""
+    photos = {Path(path).name for path in result.frames.path}
+    files = sorted(result.provenance.inputs, key=lambda one: Path(one.path).name in photos)
+    return tuple(files[:MAX_FILES])
+
+
+def _photos(result: Result) -> str:
+    used = sum(status == "refined" for status in result.frames.status)
+    return f"{used} of {counted(len(result.frames.status), 'photo')} used"
+
+
+def _lengths(result: Result) -> str:
+    status = result.lines.status
+    if not status:
+        return "none"
+    used = sum(one in ("used", "suspect") for one in status)
+    withheld = sum(one == "checked" for one in status)
+    checks = f", {withheld} withheld as a check" if withheld else ""
+    return f"{used} of {counted(len(status), 'length')} used{checks}"
+
+
+def _largest_source(result: Result) -> str:
+    """Name the source that is most often the largest in the error budget, and its remedy."""
+    budget = result.error_budget
+    if budget is None or not np.isfinite(budget.share).any():
+        return ""
+    known = budget.share[np.isfinite(budget.share).all(axis=1)]
+    largest = np.bincount(np.argmax(known, axis=1), minlength=len(budget.source))
+    row = int(np.argmax(largest))
+    what, help_ = WORDS[budget.source[row]]
+    return f"{what}: the largest in {largest[row]} of {counted(len(known), 'value')}. {help_}"
+
+
+def method_facts(result: Result) -> dict[str, str | bool]:
+    """Return the values for the section on the method, by their names in the template.
+
+    The lens is ``brown``, ``rational`` or ``fisheye``; a log may be photo poses; the ellipse is in
+    sigmas; the rest belongs to the tests of single observations.
+    """
+    camera, significance = result.camera, significance_of(result)
+    rational = camera.model == "brown" and len(camera.parameters) > 9
+    return {
+        "lens": "rational" if rational else camera.model,
+        "has_log": bool(result.has_seed.any()),
+        "has_heights": bool(result.points.is_off_ground.any()),
+        "has_skid": "skid_speed" in result.measurements.kind,
+        "has_volume": "volume" in result.measurements.kind,
+        "ellipse": number(ELLIPSE_95, 4),
+        "significance": f"{significance:g}",
+        "critical": number(compute_critical_value(significance), 2),
+        "noncentrality": number(compute_noncentrality(significance), 2),
+        "power": f"{100 * TEST_POWER:.0f} %",
+    }
+
 
 PLACE = "<!-- contents -->"
 _HEADING = re.compile(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', re.DOTALL)
@@ -291,3 +385,98 @@ def option_text(value: object) -> str:
     if isinstance(value, tuple | list):
         return ", ".join(map(option_text, value))
     return str(value)
+
+
+_NAME = "report"
+
+_BESIDE = re.compile(r'href="([^":#]+)\.html"')
+"""Link to the page beside this one, which on paper becomes a link to its PDF."""
+
+_SHEET = """
+@page {{
+  size: {size} !important; margin: 16mm 14mm 20mm !important;
+  @bottom-left {{
+    content: "{name} \\B7  results.json SHA-256 {digest}";
+    font: 6.5pt sans-serif; color: #5b6470; width: 85%;
+  }}
+  @bottom-right {{
+    content: "page " counter(page) " of " counter(pages);
+    font: 6.5pt sans-serif; color: #5b6470; width: 15%;
+  }}
+}}
+.contents a::after {{ content: leader(".") target-counter(attr(href), page); }}
+"""
+
+
+def check_pdf() -> None:
+    """Check that a PDF can be made here, before anything is computed.
+
+    Raises
+    ------
+    UavgramError
+        If WeasyPrint, or a library of the system that it needs, is missing.
+    """
+    weasyprint_for(_NAME)
+
+
+def report_pdf(
+    html: str, results: str, paper: Paper, name: str, made_utc: str, *, attach: bool = True
+) -> bytes:
+    """Lay out the report, or its annex, as a PDF/A-3b file.
+
+    Fonts are embedded, colours are sRGB. Equal input gives equal bytes.
+
+    Parameters
+    ----------
+    html
+        The page of the report or of the annex.
+    results
+        The text of ``results.json``; its SHA-256 is at the foot of every page.
+    paper
+        Size of the paper.
+    name
+        Name of the project.
+    made_utc
+        Time of the computation, from the result.
+    attach
+        Whether ``results.json`` is attached.
+
+    Raises
+    ------
+    UavgramError
+        If WeasyPrint, or a library of the system that it needs, is missing.
+    """
+    digest = hashlib.sha256(results.encode()).hexdigest()
+    made = datetime.fromisoformat(made_utc)
+    attached = weasyprint_for(_NAME).Attachment(
+        string=results,
+        name="results.json",
+        description="All results of the report, as numbers",
+        created=made,
+        modified=made,
+        relationship="Data",
+    )
+    shown = name.translate({ord(c): " " for c in '"\\\n'})
+    sheet = _SHEET.format(size=PAPER_SIZES[paper], digest=digest, name=shown)
+    return page_pdf(
+        _BESIDE.sub(r'href="\1.pdf"', html),
+        sheet,
+        _NAME,
+        attachments=[attached] if attach else [],
+        pdf_variant="pdf/a-3b",
+        pdf_identifier=bytes.fromhex(digest)[:16],
+        finisher=_finish,
+    )
+
+
+def _finish(_: object, pdf: Any) -> None:  # noqa: ANN401
+    """Restore two rules of the archive format that WeasyPrint breaks.
+
+    ISO 19005-3, 6.2.8: no image may ask to be interpolated; 6.8: each attachment is listed once.
+    """
+    for one in pdf.objects:
+        image = getattr(one, "extra", {})
+        if "Interpolate" in image:
+            image["Interpolate"] = "false"
+    if "AF" in pdf.catalog:
+        pdf.catalog["AF"][:] = dict.fromkeys(pdf.catalog["AF"])

@@ -1,0 +1,558 @@
+"""Recording of a calibration: text pages, maps of the image, photos, and cameras in space.
+
+The board's frame is OpenCV's: x along a row, y down the columns, z into the board. Points above
+the board have a negative z, so the eye's up is -z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from uavgram.geometry.camera.projection import back_project
+from uavgram.imaging.photos.preview import Preview
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.board import CalibrationAccount, CalibrationResult
+from uavgram.views.calibration.drawings import (
+    SQRT2,
+    mean_residual_factor,
+    residual_factor,
+    rows_by_photo,
+    uncertainty_shares,
+)
+from uavgram.views.calibration.text import parameter_cells
+from uavgram.views.calibration.verdict import calibration_facts, judge_calibration, pixels_text
+from uavgram.views.formatting import LEVEL_RANK, number
+from uavgram.views.pages import plain, table
+from uavgram.views.recording.blueprint import layout, page_views, picture_view, plot, space_view
+from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
+from uavgram.views.recording.stream import CENTRE_PX, Recorder, open_recording
+from uavgram.views.style import (
+    BAD,
+    GOOD,
+    MEASURED,
+    OBSERVED,
+    QUIET,
+    REFINED,
+    SEED,
+    Rgb,
+    scale_colours,
+)
+
+SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
+MAX_ODD = 20
+
+
+def log_calibration_documents(recorder: Recorder, account: CalibrationAccount) -> None:
+    """Log all pages."""
+    result = account.result
+    for path, text in (
+        (SUMMARY, summary_page(account)),
+        (CAMERA_PAGE, camera_page(result)),
+    ):
+        recorder.page(path, text)
+    sheets = [photo_sheet(result, k) for k in range(len(result.photos.file))]
+    recorder.sheets(SHEET, sheets)
+
+
+def summary_page(account: CalibrationAccount) -> str:
+    """Write the summary page."""
+    verdict = judge_calibration(account)
+    mark = "✔" if verdict.level == "good" else "⚠"
+    facts = [(plain(key), f"**{plain(value)}**") for key, value in calibration_facts(account)]
+    messages = sorted(account.messages, key=lambda message: LEVEL_RANK[message.level])
+    parts = [
+        f"# {mark} {plain(verdict.sentence)}",
+        plain(verdict.counts),
+        table(("at a glance", ""), facts),
+        "## Parameters",
+        _parameters(account.result),
+    ]
+    if messages:
+        rows = [(f"**{one.level}**", f"{plain(one.text)} `{one.code}`") for one in messages]
+        parts += ["## Messages", table(("", ""), rows)]
+    if account.left_out:
+        rows = [(plain(file), plain(why)) for file, why in account.left_out]
+        parts += ["## Left out", table(("photo", "why"), rows)]
+    return "\n\n".join(parts)
+
+
+def _parameters(result: CalibrationResult) -> str:
+    rows = [
+        (name, f"**{value}**", sigma, share)
+        for name, value, sigma, share in parameter_cells(result.calibration)[1:]
+    ]
+    return table(("parameter", "value", "1 σ", "σ / value"), rows)
+
+
+def camera_page(result: CalibrationResult) -> str:
+    """Write the page with correlations and lens models."""
+    names, matrix = result.calibration.parameter_names, result.calibration.correlation
+    rows = [
+        (f"**{name}**", *(_correlation(value) for value in values))
+        for name, values in zip(names, matrix.tolist(), strict=True)
+    ]
+    models = [
+        (
+            f"**{model.coefficients}, taken**" if model.is_chosen else str(model.coefficients),
+            "not determined"
+            if model.dropped
+            else pixels_text(np.nan if model.held_out_px is None else model.held_out_px),
+            "–" if model.aic is None else number(model.aic, 1),
+            "–" if model.bic is None else number(model.bic, 1),
+        )
+        for model in result.models
+    ]
+    header = ("distortion coefficients", "error in photos left out [px]", "Akaike", "Bayes")
+    return "\n\n".join(
+        ["# Correlations", table(("", *names), rows), "# Lens models", table(header, models)]
+    )
+
+
+def _correlation(value: float) -> str:
+    text = number(value, 2, signed=True)
+    return f"**{text}**" if abs(value) > 0.9 else text
+
+
+def photo_sheet(result: CalibrationResult, k: int) -> str:
+    """Write the sheet of one photo: how it fits, and its corners that do not fit."""
+    photos, corners = result.photos, result.corners
+    file = photos.file[k]
+    rows = rows_by_photo(result)[file]
+    distance = float(np.linalg.norm(photos.poses.center_world_m[k]))
+    facts = [
+        ("status", f"**{photos.status[k]}** {plain(photos.reason[k])}"),
+        ("corners", f"{len(rows)} of {len(result.board.corner_board_m)}"),
+        ("residual per coordinate", f"{pixels_text(photos.rms_px[k] / SQRT2)} px"),
+        ("when left out", f"{pixels_text(photos.held_out_px[k])} px"),
+        ("tilt", f"{photos.tilt_deg[k]:.1f}°"),
+        ("distance of the board's first corner", f"{distance:.3f} m"),
+    ]
+    parts = [f"# {plain(file)}", table(("", ""), facts)]
+    odd = sorted(
+        (int(i) for i in rows if corners.status[int(i)] != "used"), key=lambda i: -corners.w[i]
+    )
+    if odd:
+        size = np.linalg.norm(corners.residual_px, axis=1)
+        cells = [
+            (str(corners.corner[i]), f"{pixels_text(float(size[i]))} px", corners.status[i])
+            for i in odd[:MAX_ODD]
+        ]
+        parts += ["## Corners that do not fit", table(("corner", "residual", ""), cells)]
+    return "\n\n".join(parts)
+
+
+COVERAGE, RESIDUALS, UNCERTAINTY = "maps/coverage", "maps/residuals", "maps/uncertainty"
+
+_EMPTY = np.array([120.0, 40, 40])
+_FEW, _MANY = np.array([28.0, 52, 78]), np.array([70.0, 150, 225])
+UNLIKELY = 0.001
+
+
+def log_image_maps(recorder: Recorder, result: CalibrationResult) -> None:
+    """Log the three maps, in original pixels."""
+    _coverage(recorder, result)
+    _residuals(recorder, result)
+    _uncertainty(recorder, result)
+
+
+def _coverage(recorder: Recorder, result: CalibrationResult) -> None:
+    count = result.maps.corners
+    strength = np.log1p(count) / np.log1p(max(int(count.max()), 1))
+    colour = _FEW + strength[..., None] * (_MANY - _FEW)
+    colour[count == 0] = _EMPTY
+    _cells(recorder, COVERAGE, result, colour)
+    recorder.dots(f"{COVERAGE}/corners", result.corners.pixel_px + CENTRE_PX, OBSERVED, 1.2)
+    _numbers(recorder, COVERAGE, result, [str(n) for n in count.ravel().tolist()])
+
+
+def _residuals(recorder: Recorder, result: CalibrationResult) -> None:
+    corners, maps = result.corners, result.maps
+    factor = mean_residual_factor(result)
+    used = np.array([status != "removed" for status in corners.status])
+    start = corners.pixel_px[used]
+    _strips(recorder, "corners", start, start + factor * corners.residual_px[used], QUIET, 0.7)
+    start, shift = maps.cell_px.reshape(-1, 2), maps.residual_px.reshape(-1, 2)
+    known = np.isfinite(shift[:, 0])
+    odd = known & (maps.residual_probability.ravel() < UNLIKELY)
+    for name, mask, colour in (("mean", known & ~odd, REFINED), ("mean_improbable", odd, BAD)):
+        _strips(recorder, name, start[mask], (start + factor * shift)[mask], colour, 2.6)
+        recorder.dots(f"{RESIDUALS}/{name}_start", start[mask] + CENTRE_PX, colour, 2.2)
+
+
+def _strips(
+    recorder: Recorder,
+    name: str,
+    start: Floats,
+    end: Floats,
+    colour: tuple[int, int, int],
+    width: float,
+) -> None:
+    strips = np.stack([start, end], axis=1) + CENTRE_PX
+    recorder.lines(f"{RESIDUALS}/{name}", strips, colour, width)
+
+
+def _uncertainty(recorder: Recorder, result: CalibrationResult) -> None:
+    values = result.maps.uncertainty_px
+    share, _, _ = uncertainty_shares(values)
+    colour = scale_colours(1 - share.ravel()).reshape(*values.shape, 3).astype(np.float64)
+    _cells(recorder, UNCERTAINTY, result, 0.72 * colour)  # darker: white numbers are legible
+    _numbers(recorder, UNCERTAINTY, result, [pixels_text(v) for v in values.ravel().tolist()])
+
+
+def _cells(recorder: Recorder, path: str, result: CalibrationResult, colour: Floats) -> None:
+    """Log a picture of one pixel per cell, scaled to the size of the image."""
+    rows, columns = colour.shape[:2]
+    camera = result.calibration
+    recorder.static(
+        f"{path}/cells",
+        rr.Image(
+            np.round(colour).astype(np.uint8), color_model="RGB", draw_order=-10.0,
+            magnification_filter="nearest",
+        ),
+        rr.Transform3D(scale=[camera.width_px / columns, camera.height_px / rows, 1.0]),
+    )  # fmt: skip
+
+
+def _numbers(recorder: Recorder, path: str, result: CalibrationResult, texts: list[str]) -> None:
+    recorder.texts(f"{path}/numbers", result.maps.cell_px.reshape(-1, 2) + CENTRE_PX, texts)
+
+
+AROUND = "around_the_board"
+CAMERA = f"{AROUND}/current_camera"
+BEFORE = "before_the_camera"
+
+FRUSTUM_SHARE = 0.14
+DEPTH_OF_CURRENT = 2.0
+"""Depth of the current camera, relative to that of the others."""
+
+ELLIPSOID_ALPHA = 110
+NEAR_BLACK: Rgb = (34, 38, 44)
+SOFT_WHITE: Rgb = (228, 230, 233)
+STATUS_COLOURS: dict[str, Rgb] = {"used": REFINED, "suspect": BAD, "removed": QUIET}
+
+
+@dataclass(frozen=True, eq=False)
+class SceneExtent:
+    """Extent of the scene, from which drawings are scaled.
+
+    Attributes
+    ----------
+    frustum_m
+        Depth at which cameras are cut off.
+    around_m, before_m
+        (N, 3) points that must be visible: of cameras and board, in the board's frame; of camera
+        and boards, in the camera's.
+    frusta_m, boards_m
+        (M, 10, 3) polylines of the cameras, (M, 5, 3) outlines of the boards, likewise.
+    """
+
+    frustum_m: float
+    around_m: Floats
+    before_m: Floats
+    frusta_m: Floats
+    boards_m: Floats
+
+
+def measure_extent(result: CalibrationResult) -> SceneExtent:
+    """Place cameras and boards."""
+    poses, rim = result.photos.poses, _rim(result)
+    center, turn = poses.center_world_m, poses.world_from_camera
+    away = np.linalg.norm(center - result.board.corner_board_m.mean(axis=0), axis=1)
+    depth = FRUSTUM_SHARE * float(np.median(away))
+    outline = depth * _frustum(result)
+    # world to camera: R^T (x - c); camera to world: c + R x
+    boards = np.einsum("mji,mkj->mki", turn, rim[None] - center[:, None])
+    frusta = center[:, None] + np.einsum("mij,kj->mki", turn, outline)
+    # the current camera is drawn larger
+    large = frusta + (DEPTH_OF_CURRENT - 1) * (frusta - center[:, None])
+    return SceneExtent(
+        frustum_m=depth,
+        around_m=np.concatenate([rim, large.reshape(-1, 3)]),
+        before_m=np.concatenate([outline, boards.reshape(-1, 3)]),
+        frusta_m=frusta,
+        boards_m=boards,
+    )
+
+
+def log_space(recorder: Recorder, result: CalibrationResult, room: SceneExtent) -> None:
+    """Log the board, the cameras, and the boards in the camera's frame.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        The calibration.
+    room
+        Places of cameras and boards.
+    """
+    _board(recorder, result)
+    poses = result.photos.poses
+    colours = [STATUS_COLOURS[status] for status in result.photos.status]
+    recorder.lines(f"{AROUND}/cameras", room.frusta_m, colours, 1.8)
+    variance = np.diagonal(poses.covariance, axis1=1, axis2=2)[:, :3]
+    recorder.static(
+        f"{AROUND}/camera_3_sigma",
+        rr.Ellipsoids3D(
+            centers=poses.center_world_m,
+            half_sizes=3 * np.sqrt(np.maximum(variance, 0.0)),
+            colors=[(*colour, ELLIPSOID_ALPHA) for colour in colours],
+            fill_mode="solid",
+        ),
+    )
+    recorder.lines(f"{BEFORE}/boards", room.boards_m, colours, 2.2)
+    recorder.lines(f"{BEFORE}/camera", [room.frustum_m * _frustum(result)], OBSERVED, 3.0)
+    boards = [[board] for board in room.boards_m]
+    recorder.lines_of_frames(f"{BEFORE}/this_board", boards, OBSERVED, 5.0)
+
+
+def _board(recorder: Recorder, result: CalibrationResult) -> None:
+    """Log squares and rim of the board, in the board's frame."""
+    board = result.board
+    columns, rows = board.columns + 1, board.rows + 1
+    row, column = np.divmod(np.arange(columns * rows), columns)
+    black = (row + column) % 2 == 0
+    low = np.stack([column - 1.0, row - 1.0], axis=1) * board.square_m
+    offset = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * board.square_m
+    place = low[:, None] + offset
+    corners = np.concatenate([place, np.zeros((*place.shape[:2], 1))], axis=-1)
+    colours = np.where(black[:, None], NEAR_BLACK, SOFT_WHITE).astype(np.uint8)
+    recorder.squares(f"{AROUND}/board", corners, colours)
+    recorder.lines(f"{AROUND}/board_rim", [_rim(result)], QUIET, 2.0)
+
+
+def _rim(result: CalibrationResult) -> Floats:
+    """Return the (5, 3) closed outline of the print, in the board's frame."""
+    board = result.board
+    x = np.array([-1.0, board.columns, board.columns, -1.0, -1.0]) * board.square_m
+    y = np.array([-1.0, -1.0, board.rows, board.rows, -1.0]) * board.square_m
+    return np.stack([x, y, np.zeros(5)], axis=1)
+
+
+def _frustum(result: CalibrationResult) -> Floats:
+    """Return the (10, 3) polyline of the image frame and four edges at depth 1, with distortion."""
+    camera = result.calibration
+    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [camera.width_px, camera.height_px] - 0.5
+    ray = back_project(camera.model, camera.parameters, corner)
+    fx, fy, cx, cy = camera.parameters[:4]
+    plain = np.column_stack([(corner - [cx, cy]) / [fx, fy], np.ones(4)])
+    # where the distortion has no inverse, take the ray without distortion
+    ray = np.where(np.isfinite(ray), ray, plain)
+    depth = np.maximum(ray[:, 2:], 0.2 * np.linalg.norm(ray, axis=1, keepdims=True))
+    a, b, c, d = ray / depth
+    o = np.zeros(3)
+    return np.stack([a, b, c, d, a, o, b, c, o, d])
+
+
+RESIDUAL, TILT, STATUS = "plots/residual", "plots/tilt", "photo_status"
+_STATES: dict[str, Rgb] = {"used": GOOD, "suspect": BAD, "removed": QUIET}
+
+
+def log_photo_plots(recorder: Recorder, result: CalibrationResult) -> None:
+    """Log every curve and the states."""
+    photos = result.photos
+    noise = np.full(len(photos.file), result.quality.sigma_px)
+    for path, values, name, colour in (
+        (f"{RESIDUAL}/adjusted", photos.rms_px / SQRT2, "residual [px]", REFINED),
+        (f"{RESIDUAL}/left_out", photos.held_out_px, "when left out [px]", SEED),
+        (f"{RESIDUAL}/sigma_of_corners", noise, "σ of a corner [px]", OBSERVED),
+        (f"{TILT}/tilt", photos.tilt_deg, "tilt [°]", REFINED),
+    ):
+        recorder.curve(path, values, name, colour)
+    recorder.states(STATUS, photos.status, _STATES, {state: state for state in _STATES})
+
+
+PHOTO = f"{CAMERA}/photo"
+OVERLAYS = ("residual_exaggerated", "residual_exaggerated_odd", "corners", "corners_odd", "first")
+
+
+def log_board_photos(
+    recorder: Recorder,
+    result: CalibrationResult,
+    room: SceneExtent,
+    previews: Mapping[str, Preview],
+) -> None:
+    """Log the moving camera, its photo and all drawings on it.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        The calibration.
+    room
+        Sizes of the scene.
+    previews
+        Reduced photos by name.
+    """
+    poses, camera = result.photos.poses, result.calibration
+    recorder.poses(CAMERA, poses.center_world_m, poses.world_from_camera)
+    depth, size_px = DEPTH_OF_CURRENT * room.frustum_m, (camera.width_px, camera.height_px)
+    recorder.camera(PHOTO, camera.parameters, size_px, depth)
+    _pictures(recorder, result, previews)
+    _overlay(recorder, result)
+
+
+def _pictures(
+    recorder: Recorder, result: CalibrationResult, previews: Mapping[str, Preview]
+) -> None:
+    """Log the JPEGs unchanged; a scale maps them to original pixels."""
+    path, names = f"{PHOTO}/picture", result.photos.file
+    recorder.static(path, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0))
+    scales = np.array([[*previews[name].scale, 1.0] for name in names])
+    recorder.each(
+        path,
+        lambda some: rr.Transform3D.columns(scale=scales[some]),
+        lambda some: rr.EncodedImage.columns(blob=[previews[names[i]].jpeg for i in some]),
+    )
+
+
+def _overlay(recorder: Recorder, result: CalibrationResult) -> None:
+    corners = result.corners
+    rows = list(rows_by_photo(result).values())
+    odd: Bools = np.array([status != "used" for status in corners.status], dtype=np.bool_)
+    tip = corners.pixel_px + residual_factor(result) * corners.residual_px
+    arrows = np.stack([corners.pixel_px, tip], axis=1)
+    for name, mask, colour in (
+        ("residual_exaggerated", ~odd, SEED),
+        ("residual_exaggerated_odd", odd, BAD),
+    ):
+        strips = [list(arrows[r[mask[r]]]) for r in rows]
+        recorder.lines_of_frames(f"{PHOTO}/{name}", strips, colour, 2.0)
+    first = corners.corner == 0
+    for name, mask, colour, size in (
+        ("corners", ~odd, MEASURED, 3.0),
+        ("corners_odd", odd, BAD, 5.0),
+        ("first", first, OBSERVED, 5.0),
+    ):
+        places = [corners.pixel_px[r[mask[r]]] for r in rows]
+        recorder.dots_of_frames(f"{PHOTO}/{name}", places, colour, size)
+
+
+MARGIN = 0.02
+# The photo's own drawings belong to the photo view, not to the space view.
+_NOT_IN_SPACE = [f"- /{PHOTO}/{name}/**" for name in OVERLAYS]
+
+
+def calibration_blueprint(account: CalibrationAccount, room: SceneExtent) -> rrb.Blueprint:
+    """Lay out the views: cameras and photo above, maps and pages below."""
+    result = account.result
+    left = rrb.Vertical(
+        rrb.Tabs(_around(room), _before(room), active_tab=0),
+        rrb.Horizontal(
+            _map(result, COVERAGE, "Coverage: corners; red: none"),
+            _map(result, UNCERTAINTY, "Sigma of a direction [px]"),
+            _map(
+                result,
+                RESIDUALS,
+                f"Misses of corners (×{mean_residual_factor(result)}): mean blue, odd red",
+            ),
+        ),
+        row_shares=[2.1, 1.0],
+    )
+    right = rrb.Vertical(
+        _photo(result),
+        rrb.StateTimelineView(origin=STATUS, name=_states(account)),
+        rrb.Horizontal(*_plots(result)),
+        page_views((SUMMARY, "Summary"), (SHEET, "Photo"), (CAMERA_PAGE, "Correlations, models")),
+        row_shares=[4.6, 0.95, 1.9, 4.4],
+    )
+    return layout(rrb.Horizontal(left, right, column_shares=[1.35, 1]))
+
+
+def _states(account: CalibrationAccount) -> str:
+    status = account.result.photos.status
+    words = [f"{status.count(one)} {one}" for one in ("used", "suspect", "removed")]
+    total = len(status) + len(account.left_out)
+    return f"{total} photos: {', '.join(words)}, {len(account.left_out)} without use"
+
+
+def _around(room: SceneExtent) -> rrb.Spatial3DView:
+    name = "Cameras around the board (blue: used; white: this photo)"
+    contents = [f"+ /{AROUND}/**", *_NOT_IN_SPACE]
+    up = np.array([0.0, 0.0, -1.0])
+    eye = _eye(room.around_m, np.array([0.35, 0.95, -0.75]), up)
+    return space_view(name, contents, *eye, up=up, origin=f"/{AROUND}")
+
+
+def _before(room: SceneExtent) -> rrb.Spatial3DView:
+    up = np.array([0.0, -1.0, 0.0])
+    eye = _eye(room.before_m, np.array([0.8, -0.4, -0.6]), up)
+    contents = [f"+ /{BEFORE}/**"]
+    return space_view("Boards before the camera", contents, *eye, up=up, origin=f"/{BEFORE}")
+
+
+def _eye(points_m: Floats, way: Floats, up: Floats) -> tuple[Floats, Floats]:
+    """Place the eye and its target as near as all (N, 3) points allow."""
+    back = way / np.linalg.norm(way)
+    # axes of the view: back, right and (by a cross product) up
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+    offset = points_m - target
+    sideways, upward = np.abs(offset @ right), np.abs(offset @ np.cross(back, right))
+    # each point needs the distance depth + offset / tangent of half the angle of view
+    distance = (offset @ back + np.maximum(sideways / HALF_WIDTH, upward / HALF_HEIGHT)).max()
+    return target + distance * back, target
+
+
+def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView:
+    """Show the image with a margin, so that its edges are seen."""
+    width, height = result.calibration.width_px, result.calibration.height_px
+    edge = MARGIN * width
+    return picture_view(f"/{origin}", name, (-edge, width + edge), (-edge, height + edge))
+
+
+def _photo(result: CalibrationResult) -> rrb.Spatial2DView:
+    factor = residual_factor(result)
+    name = f"Photo: corners green, their misses ×{factor} orange, odd ones red"
+    return _map(result, PHOTO, name)
+
+
+def _plots(result: CalibrationResult) -> list[rrb.TimeSeriesView]:
+    photos = result.photos
+    residuals = np.concatenate([photos.rms_px / SQRT2, photos.held_out_px])
+    return [
+        plot(f"/{RESIDUAL}", "Residual blue, left out orange, σ white [px]", residuals),
+        plot(f"/{TILT}", "Tilt [°]", photos.tilt_deg),
+    ]
+
+
+def write_calibration_recording(
+    account: CalibrationAccount, previews: Mapping[str, Preview], path: Path
+) -> None:
+    """Write a Rerun recording with its blueprint inside.
+
+    Parameters
+    ----------
+    account
+        The calibration to show.
+    previews
+        Reduced photos by name.
+    path
+        The .rrd file.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    result = account.result
+    room = measure_extent(result)
+    made = account.provenance
+    options = sorted(made.options.items())
+    identity = (made.program, made.version, made.inputs, made.board, options)
+    times = np.full(len(result.photos.file), np.nan)  # numbered photos: no times
+    with open_recording(path, identity, result.calibration.name, times) as recorder:
+        log_space(recorder, result, room)
+        log_board_photos(recorder, result, room, previews)
+        log_image_maps(recorder, result)
+        log_photo_plots(recorder, result)
+        log_calibration_documents(recorder, account)
+        recorder.stream.send_blueprint(calibration_blueprint(account, room))

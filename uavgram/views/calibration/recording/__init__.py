@@ -1,1 +1,0 @@
-"""Review of a calibration in Rerun."""

@@ -1,0 +1,322 @@
+"""A flight log as lines of plain text, and as a JSON object, for ``uavgram log FILE``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from uavgram.estimation.clocks.clock_line import to_utc
+from uavgram.model.arrays import Floats
+from uavgram.model.flight_log import (
+    BootClock,
+    BootSummary,
+    CameraEvents,
+    EstimatorSigmas,
+    GimbalSamples,
+    HomeSamples,
+    LogSummary,
+    MessageCount,
+    PositionSamples,
+)
+
+KINDS = {
+    "dataflash": "ArduPilot DataFlash log",
+    "tlog": "MAVLink telemetry log",
+    "ulog": "PX4 ULog",
+}
+_DATUMS = {"msl": "above mean sea level", "ellipsoid": "above the ellipsoid"}
+_MANY = 20
+
+
+def log_summary_lines(summary: LogSummary) -> tuple[str, ...]:
+    """List the content of a log: vehicle, boots, clock, tables, events, messages, notes."""
+    log = summary.log
+    lines = [f"{log.path}: {KINDS[log.kind]}"]
+    lines.append(_row("vehicle", f"{log.vehicle or 'not stated'}; {log.firmware or 'no firmware'}"))
+    if np.isfinite(log.undulation_m):
+        lines.append(_row("undulation", f"{log.undulation_m:+.2f} m, geoid above ellipsoid"))
+    for number, boot in enumerate(summary.boots, start=1):
+        lines.append(f"boot {number} of {len(summary.boots)}")
+        lines.extend(_boot_lines(boot))
+    lines.extend(_row("note", note) for note in log.notes)
+    lines.append(f"{sum(m.count for m in log.messages)} messages of {len(log.messages)} types")
+    # with several boots, first and last time are of different clocks: no rate
+    one_clock = len(log.boots) == 1
+    lines.extend(_message_line(message, one_clock=one_clock) for message in log.messages)
+    return tuple(lines)
+
+
+def _row(title: str, text: str) -> str:
+    return f"  {title:<11} {text}"
+
+
+def _boot_lines(summary: BootSummary) -> list[str]:
+    boot, clock = summary.boot, summary.clock
+    lines = []
+    if summary.span_utc[0]:
+        lines.append(_row("flight", f"{summary.span_utc[0]} to {summary.span_utc[1]}"))
+    if boot.positions is not None:
+        spent = boot.positions.time_boot_s[-1] - boot.positions.time_boot_s[0]
+        lines.append(_row("track", f"{summary.path_m:.0f} m over ground in {spent:.1f} s"))
+    if clock is not None:
+        lines.append(_row("clock", _clock_text(clock, len(summary.clock_time_s))))
+    lines.append(_row("positions", _positions_text(boot.positions)))
+    attitudes = boot.attitudes
+    text = "none" if attitudes is None else _rate(attitudes.source, attitudes.time_boot_s)
+    lines.append(_row("attitudes", text))
+    lines.append(_row("gimbal", _gimbal_text(boot.gimbal)))
+    lines.append(_row("sigmas", _sigmas_text(boot.sigmas)))
+    lines.append(_row("events", _events_text(boot.events)))
+    lines.append(_row("home", _home_text(boot.home)))
+    lines.extend(_row(m.level, f"{m.text} [{m.code}]") for m in summary.messages)
+    return lines
+
+
+def _clock_text(clock: BootClock, pairs: int) -> str:
+    drift, drift_sigma = (clock.rate - 1) * 1e6, clock.drift_sigma * 1e6
+    return (
+        f"{clock.source}, {pairs} pairs, drift {drift:+.1f} ± {drift_sigma:.1f} ppm, "
+        f"scatter {clock.scatter_s * 1e3:.1f} ms, sigma {clock.sigma_s:.3f} s"
+    )
+
+
+def _rate(source: str, time_boot_s: Floats) -> str:
+    """Format source, number of rows, span and rate of a table."""
+    first, last = time_boot_s[0], time_boot_s[-1]
+    text = f"{source}, {len(time_boot_s)}, {first:.1f} to {last:.1f} s after boot"
+    if len(time_boot_s) > 1:
+        text += f", {1 / np.median(np.diff(time_boot_s)):.3g} Hz"
+    return text
+
+
+def _positions_text(positions: PositionSamples | None) -> str:
+    if positions is None:
+        return "none"
+    low, high = positions.height_m.min(), positions.height_m.max()
+    return (
+        f"{_rate(positions.source, positions.time_boot_s)}; "
+        f"height {low:.1f} to {high:.1f} m {_DATUMS[positions.datum]}"
+    )
+
+
+def _gimbal_text(gimbal: GimbalSamples | None) -> str:
+    if gimbal is None:
+        return "none"
+    low, high = np.degrees([gimbal.pitch_rad.min(), gimbal.pitch_rad.max()])
+    frame = "north" if gimbal.yaw_frame == "earth" else "the vehicle's nose"
+    return (
+        f"{_rate(gimbal.source, gimbal.time_boot_s)}; "
+        f"pitch {low:.1f} to {high:.1f} deg, yaw from {frame}"
+    )
+
+
+def _sigmas_text(sigmas: EstimatorSigmas | None) -> str:
+    if sigmas is None:
+        return "none stated"
+    stated = (
+        ("horizontal", sigmas.horizontal_m, 1.0, "m"),
+        ("vertical", sigmas.vertical_m, 1.0, "m"),
+        ("tilt", sigmas.tilt_rad, np.degrees(1.0), "deg"),
+        ("yaw", sigmas.yaw_rad, np.degrees(1.0), "deg"),
+    )
+    parts = [
+        f"{name} {np.nanmedian(values) * scale:.2g} {unit}"
+        for name, values, scale, unit in stated
+        if np.isfinite(values).any()
+    ]
+    return f"{sigmas.source}: {', '.join(parts)} (medians, as the log states them)"
+
+
+def _events_text(events: CameraEvents | None) -> str:
+    if events is None:
+        return "none"
+    confirmed = events.confirmed > 0
+    first, last = events.time_boot_s[[0, -1]]
+    text = f"{events.source}, {len(confirmed)}, {first:.1f} to {last:.1f} s after boot"
+    if len(confirmed) > 1:
+        apart = np.diff(events.time_boot_s)
+        text += f", {apart.min():.2f} to {apart.max():.2f} s apart, {np.median(apart):.2f} s median"
+    meaning = {
+        "feedback": "at the camera's feedback",
+        "command": "at the command, a shutter's lag early",
+    }
+    text += f"; {int(confirmed.sum())} confirmed, {meaning[events.instant]}"
+    missed = events.image_number[~confirmed].tolist()
+    if missed:
+        text += (
+            f", {len(missed)} triggered that the camera did not confirm (image {_listed(missed)})"
+        )
+    if events.lost:
+        text += f", {len(events.lost)} missing (image {_listed(events.lost)})"
+    if events.repeated:
+        text += f", {len(events.repeated)} doubled (image {_listed(events.repeated)})"
+    return text
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers[:_MANY])) + (", ..." if len(numbers) > _MANY else "")
+
+
+def _home_text(home: HomeSamples | None) -> str:
+    if home is None:
+        return "none stated"
+    return (
+        f"{home.source}: {home.latitude_deg[0]:.7f}, {home.longitude_deg[0]:.7f} deg, "
+        f"{home.height_m[0]:.2f} m {_DATUMS[home.datum]}"
+    )
+
+
+def _message_line(message: MessageCount, *, one_clock: bool) -> str:
+    line = f"  {message.name:<36} {message.count:>8}"
+    span = message.last_s - message.first_s
+    if np.isfinite(span):
+        line += f"   {message.first_s:9.1f} to {message.last_s:9.1f} s"
+        if one_clock and span > 0 and message.count > 1:
+            line += f"   {(message.count - 1) / span:8.3g} Hz"
+    return line
+
+
+def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401
+    """Convert the content of a log to a JSON object; numbers missing in the log are null."""
+    log = summary.log
+    content = {
+        "schema": 1,
+        "path": log.path,
+        "kind": log.kind,
+        "vehicle": log.vehicle,
+        "firmware": log.firmware,
+        "undulation_m": log.undulation_m,
+        "boots": [_boot(boot) for boot in summary.boots],
+        "messages": [
+            {"name": m.name, "count": m.count, "first_boot_s": m.first_s, "last_boot_s": m.last_s}
+            for m in log.messages
+        ],
+        "notes": list(log.notes),
+    }
+    return _without_nan(content)
+
+
+def _boot(summary: BootSummary) -> dict[str, Any]:
+    boot, clock = summary.boot, summary.clock
+    attitudes = boot.attitudes
+    return {
+        "span_utc": list(summary.span_utc) if summary.span_utc[0] else None,
+        "path_m": summary.path_m,
+        "clock": None
+        if clock is None
+        else {
+            "source": clock.source,
+            "pairs": len(summary.clock_time_s),
+            "boot_to_utc_s": clock.offset_s,
+            "sigma_s": clock.sigma_s,
+            "drift_ppm": (clock.rate - 1) * 1e6,
+            "drift_sigma_ppm": clock.drift_sigma * 1e6,
+            "scatter_s": clock.scatter_s,
+        },
+        "positions": _positions(boot.positions),
+        "attitudes": None if attitudes is None else _table(attitudes.source, attitudes.time_boot_s),
+        "gimbal": _gimbal(boot.gimbal),
+        "sigmas": _sigmas(boot.sigmas),
+        "events": _events(boot.events, summary),
+        "home": _home(boot.home, summary.home_moves_m),
+        "messages": [message.record() for message in summary.messages],
+    }
+
+
+def _table(source: str, time_boot_s: Floats) -> dict[str, Any]:
+    apart = np.diff(time_boot_s)
+    return {
+        "source": source,
+        "count": len(time_boot_s),
+        "first_boot_s": float(time_boot_s[0]),
+        "last_boot_s": float(time_boot_s[-1]),
+        "rate_hz": float(1 / np.median(apart)) if len(apart) else math.nan,
+    }
+
+
+def _positions(positions: PositionSamples | None) -> dict[str, Any] | None:
+    if positions is None:
+        return None
+    p = positions
+    return {
+        **_table(p.source, p.time_boot_s),
+        "height_datum": p.datum,
+        "height_m": [float(p.height_m.min()), float(p.height_m.max())],
+        "latitude_deg": [float(p.latitude_deg.min()), float(p.latitude_deg.max())],
+        "longitude_deg": [float(p.longitude_deg.min()), float(p.longitude_deg.max())],
+    }
+
+
+def _gimbal(gimbal: GimbalSamples | None) -> dict[str, Any] | None:
+    if gimbal is None:
+        return None
+    pitch_deg = np.degrees(gimbal.pitch_rad)
+    return {
+        **_table(gimbal.source, gimbal.time_boot_s),
+        "yaw_frame": gimbal.yaw_frame,
+        "pitch_deg": [float(pitch_deg.min()), float(pitch_deg.max())],
+    }
+
+
+def _sigmas(sigmas: EstimatorSigmas | None) -> dict[str, Any] | None:
+    if sigmas is None:
+        return None
+    return {
+        "source": sigmas.source,
+        "median_horizontal_m": _median(sigmas.horizontal_m),
+        "median_vertical_m": _median(sigmas.vertical_m),
+        "median_tilt_deg": math.degrees(_median(sigmas.tilt_rad)),
+        "median_yaw_deg": math.degrees(_median(sigmas.yaw_rad)),
+    }
+
+
+def _median(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else math.nan
+
+
+def _events(events: CameraEvents | None, summary: BootSummary) -> dict[str, Any] | None:
+    if events is None:
+        return None
+    clock = summary.clock
+    utc = None if clock is None else to_utc(clock, events.time_boot_s).tolist()
+    confirmed = events.confirmed > 0
+    return {
+        "source": events.source,
+        "count": len(confirmed),
+        "confirmed": int(confirmed.sum()),
+        "instant": events.instant,
+        "unconfirmed_images": events.image_number[~confirmed].tolist(),
+        "missing_images": list(events.lost),
+        "doubled_images": list(events.repeated),
+        "time_boot_s": events.time_boot_s.tolist(),
+        "time_utc_s": utc,
+        "image": events.image_number.tolist(),
+    }
+
+
+def _home(home: HomeSamples | None, moves_m: float) -> dict[str, Any] | None:
+    if home is None:
+        return None
+    return {
+        "source": home.source,
+        "latitude_deg": float(home.latitude_deg[0]),
+        "longitude_deg": float(home.longitude_deg[0]),
+        "height_m": float(home.height_m[0]),
+        "height_datum": home.datum,
+        "moves_m": moves_m,
+    }
+
+
+def _without_nan(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
+    """Replace each number that is not finite by null."""
+    if isinstance(value, dict):
+        return {key: _without_nan(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,1 +1,0 @@
-"""Result in Python and in notebooks: pandas tables, matplotlib plots, and display."""

@@ -1,1 +1,0 @@
-"""View of the scene in three dimensions, and on the earth, in the recording."""
