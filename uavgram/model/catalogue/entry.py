@@ -51,7 +51,10 @@ class Effect(Enum):
     NONE = ""
     AMBER = "At best amber: something does not fit."
     DOUBTFUL = "At best amber. Measurements at the points that the message names are doubtful."
-    DISPLACED = "At best amber. If it is about several photos, coordinates are doubtful."
+    DISPLACED = (
+        "At best amber. Measurements at the points that the message names are doubtful, and, if it "
+        "names several photos, all coordinates."
+    )
     UNCHECKED = "Amber, if a measurement depends on it."
     RED = "Red: do not use the numbers."
 

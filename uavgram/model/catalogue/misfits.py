@@ -535,7 +535,7 @@ FOUND_CAUSES = (
         WARNING,
         finding="A photo shows another place than its picks claim: they fit nothing else.",
         action="Check whether the photo belongs to this survey, and check its labels.",
-        effect=Effect.DOUBTFUL,
+        effect=Effect.DISPLACED,
         order=Order.CAUSE_OF_ONE,
         one="{frames} shows another place, or its labels are in disorder.",
         several="{frames} show other places, or their labels are in disorder.",

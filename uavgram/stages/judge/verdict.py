@@ -20,6 +20,9 @@ from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
 from uavgram.stages.judge.statuses import determine_statuses, find_unconfirmed_ends, is_displaced
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
+_DOUBTS = (Effect.DOUBTFUL, Effect.DISPLACED)
+"""Effects that put measurements at the named points in doubt."""
+
 _STATISTICS = r": | \(|\. "
 """Ends of the plain part of a message; numbers of tests follow."""
 
@@ -56,7 +59,7 @@ def determine_verdict(
         examined,
         is_contradicted=bent,
         contradicted=fit.check_labels,
-        in_doubt={label for m in still if _effect(m) is Effect.DOUBTFUL for label in m.labels}
+        in_doubt={label for m in still if _effect(m) in _DOUBTS for label in m.labels}
         | find_unconfirmed_ends(examined),
         is_displaced=is_displaced(examined)
         or any(_effect(m) is Effect.DISPLACED and len(m.frames) > 1 for m in still),
