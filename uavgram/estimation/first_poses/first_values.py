@@ -66,7 +66,7 @@ class FirstValues(NamedTuple):
     departure_m
         (K,) initial heights above the plane of points whose height is free.
     telemetry
-        Initial values of the unknowns of the log (clock, biases, mount); None: as stated.
+        Initial values of the unknowns of the log (clock, biases, mount); empty: as stated.
     """
 
     point_m: Floats
@@ -74,7 +74,7 @@ class FirstValues(NamedTuple):
     rotation: Floats
     height_m: float
     departure_m: Floats
-    telemetry: Floats | None = None
+    telemetry: Floats = np.zeros(0)
 
 
 def intersect_seed_rays(survey: Survey, ray: Floats) -> FirstValues:

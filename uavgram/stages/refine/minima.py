@@ -401,7 +401,7 @@ def _find_minima(
 
 def _first_telemetry(problem: SurveyProblem, values: FirstValues) -> Floats:
     """Return first values of the unknowns of the log; empty without one."""
-    if values.telemetry is not None:
+    if len(values.telemetry):
         return values.telemetry
     return problem.telemetry_mean if problem.layout.telemetry else np.zeros(0)
 
