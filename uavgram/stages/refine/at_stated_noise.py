@@ -14,13 +14,14 @@ from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
+from uavgram.stages.refine.causes.correction import apply_corrections
 from uavgram.stages.refine.causes.hypothesis import Diagnosis
 from uavgram.stages.refine.causes.identification import IdentifiedCauses, identify_causes
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
-from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.minima import FULL, Participants, adjust_on_trial, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
-from uavgram.stages.refine.robust import Robust, adjust_robustly
+from uavgram.stages.refine.robust import Robust, adjust_robustly, is_log_left_out
 
 TAKEN_INTO_ACCOUNT = "The results take it into account."
 
@@ -71,7 +72,10 @@ def adjust_at_stated_noise(
     keep &= ~removed
     none = np.zeros(len(given.line_start), dtype=np.bool_)
     # Robust adjustment, then causes of the gross errors.
-    robust = adjust_robustly(Participants(given, keep, none, reason))
+    taking = Participants(given, keep, none, reason)
+    robust = adjust_robustly(taking)
+    if is_log_left_out(robust.refined):
+        robust = _with_log_explained(taking) or robust
     survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
     left_out = list(robust.messages(given))
     survey, refined, unseen = free_unchecked_heights(survey, refined, [*off_ground, *shown])
@@ -101,6 +105,24 @@ def adjust_at_stated_noise(
         else:
             causes = found.causes
     return StatedNoiseAdjustment(given, survey, refined, off_ground, causes, (*left_out, *unseen))
+
+
+def _with_log_explained(taking: Participants) -> Robust | None:
+    """Adjust with the poses of the log, if a cause explains why they contradict all the rest.
+
+    Lengths in feet and a log that is wrong contradict each other alike. A cause explains it if the
+    poses take part in a robust adjustment of the corrected survey. None if there is no such cause.
+    """
+    plain = adjust_on_trial(taking, FULL)
+    if plain is None or not plain.adjustment.minimum.converged:
+        return None
+    found = identify_causes(Diagnosis(taking, plain))
+    known_less, _ = _free_wrong_priors(taking.survey, found)
+    corrected = apply_corrections(known_less, found.causes, plain)
+    again = _adjust_again(corrected.survey, taking.keep & ~corrected.without, dict(taking.reason))
+    if again is None or is_log_left_out(again.refined):
+        return None
+    return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
 
 
 TURNED_FRAME = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")

@@ -1166,6 +1166,12 @@ def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str,
     return dict.fromkeys(name, common) if len(rows) else {}
 
 
+def is_log_left_out(refined: Refined) -> bool:
+    """Return whether all poses of the log are left out, as wrong as a whole."""
+    prior = refined.adjustment.survey.telemetry
+    return prior is not None and len(refined.pose_widened) >= len(prior.frame_index)
+
+
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:
     """Adjust the rest, from the robust adjustment where other first values lead nowhere near it."""
     number = int(left.keep.sum())
