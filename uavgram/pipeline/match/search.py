@@ -121,8 +121,8 @@ def search_all_photos(
 
 def _drop_contradicted(base: BaseAdjustment, record: Record) -> tuple[Adjustment, Record]:
     """Return the adjustment with the finds, and the record without contradicted ones."""
-    adjustment, wrong = base.adjusted(record.found)
-    return adjustment, record.without(wrong)
+    adjusted = base.adjusted(record.found)
+    return adjusted.adjustment, record.without(adjusted.contradicted)
 
 
 def _candidates(base: BaseAdjustment, adjustment: Adjustment) -> Candidates:
