@@ -29,7 +29,7 @@ from uavgram.pipeline.measure.compute import adjust_survey, assemble_survey
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.stages.ground_consensus import UNKNOWN_SIGMA_M, find_ground_points
-from uavgram.stages.match import CONTRADICTED, Found, Pair
+from uavgram.stages.match import CONTRADICTED, REGION_SQUARED, Found, Pair
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import set_free_heights
 from uavgram.stages.refine.tie_outliers import remove_wrong_ties
@@ -212,7 +212,8 @@ class BaseAdjustment:
         is_unplaced = np.isin(survey.label, sorted(unplaced))
         keep = self.keep & ~_mark_repeated(survey, is_unplaced)
         label = survey.pick_label[survey.matches.pick][survey.matches.point]
-        survey = replace(survey, matches=survey.matches.without(is_unplaced[label])[0])
+        matches = survey.matches.without(is_unplaced[label])[0]
+        survey = replace(survey, matches=matches, is_free=survey.is_free & ~is_unplaced)
         adjustment = self._best(survey, keep)
         for _ in range(MAX_ROUNDS):  # now the ground and known heights take part
             wrong = _find_misfits(adjustment, picks)
@@ -225,14 +226,26 @@ class BaseAdjustment:
         factor = max((one.factor for one in sound.noise if one.source == "match"), default=0.0)
         worst = _worst(adjustment, picks) if factor > SPREAD else None
         gone_pairs = {(picks.image[i], picks.label[i]) for i in out}
+        denied = _find_denied_labels(adjustment)
+        rest = {pair: one for pair, one in found.items() if pair[1] not in denied}
+        if len(rest) < len(found):
+            return self._tried(rest)
         kept = frozenset(found) - gone_pairs
         return _Trial(adjustment, kept, factor, worst, frozenset(out), unplaced)
 
     def _find_unplaced(self, survey: Survey) -> frozenset[str]:
-        """Return labels of unknown height in several photos that are not on the ground."""
+        """Return labels of unknown height in several photos that are not on the ground.
+
+        Where a label has finds, they show its height, and its clicks in other photos may not agree:
+        what was found may be the ground behind it.
+        """
         refined = self.refined
         known, poses = refined.known_removed, refined.pose_widened
-        taking = Participants(survey, self.keep, refined.line_removed, {}, known, poses)
+        own = np.zeros(len(survey.pick_label), dtype=np.bool_)
+        own[survey.matches.pick] = True
+        is_found = np.isin(survey.pick_label, survey.pick_label[survey.matches.pick])
+        keep = self.keep & (own | ~is_found)
+        taking = Participants(survey, keep, refined.line_removed, {}, known, poses)
         return find_unplaced(taking, find_blank_labels(self.inputs.picks))
 
     def _best(self, survey: Survey, keep: Bools) -> Adjustment:
@@ -323,7 +336,8 @@ def find_unplaced(taking: Participants, blank: Collection[str]) -> frozenset[str
     some[columns, np.arange(len(labels))] = 1.0
     spread = adjustment.minimum.factor.solve(some)[columns]
     height = compute_heights_at(adjustment, adjustment.state)[labels]
-    on_ground = find_ground_points(height, spread, UNEVEN_M)
+    uneven = [max(ground.roughness_sigma_m, UNEVEN_M) for ground in survey.grounds]
+    on_ground = find_ground_points(height, spread, np.array(uneven)[survey.area[unsure]])
     return frozenset(survey.label[k] for k in np.flatnonzero(unsure)[~on_ground])
 
 
@@ -359,6 +373,18 @@ def _misfits(adjustment: Adjustment, picks: Picks) -> Floats:
     survey = adjustment.survey
     fall = compute_reductions(adjustment.minimum.blocks["matches"], adjustment.covariance)
     return np.where(_is_found(survey, picks), fall, -1.0)
+
+
+def _find_denied_labels(adjustment: Adjustment) -> set[str]:
+    """Return labels whose finds a click contradicts, such as finds of the ground behind an edge."""
+    survey, block = adjustment.survey, adjustment.minimum.blocks.get("pixels")
+    if block is None or not survey.matches.points:
+        return set()
+    misfit = compute_reductions(block, adjustment.covariance)
+    matched = np.zeros(len(survey.label), dtype=np.bool_)
+    matched[survey.pick_label[survey.matches.pick]] = True
+    denied = matched[survey.pick_label] & (misfit > REGION_SQUARED)
+    return {survey.label[k] for k in survey.pick_label[denied].tolist()}
 
 
 def _worst(adjustment: Adjustment, picks: Picks) -> Pair | None:
