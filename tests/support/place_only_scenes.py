@@ -69,15 +69,18 @@ def place_only(
     mount_pitch_deg: float | None = None,
     attitude_sigma_deg: tuple[float, float] | Literal["auto"] = "auto",
     ground: GroundOptions | None = None,
+    raised_m: tuple[float, ...] = (),
 ) -> PlaceOnly:
     """Photos minutes apart and 40 m up; each picks what it sees of the labels, to 1 px.
 
-    `mount_pitch_deg`: what the project says of their tilt, where that is not true.
+    `mount_pitch_deg`: what the project says of their tilt, where that is not true. `raised_m`:
+    heights of the last labels, which the picks do not state.
     """
     rng = np.random.default_rng((421, seed_))
     ground = ground or GroundOptions()
     rough = rng.normal(0.0, ground.roughness_sigma_m or 1e-9, labels)
     world = np.column_stack([rng.uniform(-18, 18, (labels, 2)), rough])
+    world[labels - len(raised_m) :, 2] += raised_m
     center, rotation = _cameras(rng, frames, pitch_deg)
     bias = rng.normal(0, [2.0, 2.0, 3.0])
     lens = Calibration(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -139,6 +142,16 @@ def test_a_pick_beside_a_corner_is_not_taken_for_it(aside: tuple[float, float]) 
     assert RefusalReason.NONE not in why(match_along_line(source, others, beside))
 
 
+def test_a_pick_at_the_edge_of_a_coarse_roof_is_no_corner(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every point of such an edge is the same in all photos, with the roof beside it."""
+    monkeypatch.setattr(sys.modules[__name__], "ROOF", Texture.random(2, contrast=35.0))
+    at_edge = CORNER + np.array([16.0, 0.0])
+    beside = line()._replace(source_px=at_edge, pixel_px=at_edge + HEIGHT[:, None, None] * BASES)
+    source, *others = (photo(1.4, base, 10 + k) for k, base in enumerate([np.zeros(2), *BASES]))
+
+    assert why(match_along_line(source, others, beside)) == [RefusalReason.NOT_UNIQUE] * 3
+
+
 @pytest.mark.parametrize(
     ("photos", "reason"), [(1, RefusalReason.NONE), (3, RefusalReason.UNSTABLE)]
 )
@@ -147,7 +160,11 @@ def test_a_corner_that_the_line_passes_in_all_photos_is_another_one(
 ) -> None:
     """As that of the roof beside one of a wall that is seen from its edge: 1.3 px away in each."""
     strength = np.where(np.arange(len(HEIGHT)) == np.abs(HEIGHT - 1.4).argmin(), 1.5, 0.0)
-    monkeypatch.setattr(line_of_sight, "compute_corner_strength", lambda *_: strength)
+
+    def given(_source: Image, _targets: Sequence[Image], at: SightLine) -> Floats:
+        return strength if len(at.pixel_px) == len(HEIGHT) else np.zeros(len(at.pixel_px))
+
+    monkeypatch.setattr(line_of_sight, "compute_corner_strength", given)
     passing = line()
     passing.pixel_px[:, :photos] += (0.0, 1.3)
     source, *others = (photo(1.4, base, 10 + k) for k, base in enumerate([np.zeros(2), *BASES]))

@@ -29,7 +29,7 @@ from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.match.patch_search import Photos, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces
-from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair
+from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair, Record
 
 LONGEST_WAIT_S = 20.0
 TARGETS = ("2.jpg", "3.jpg")
@@ -55,8 +55,10 @@ class Agreeing(AdjustedPlaces):
 
     wrong: ClassVar[Collection[tuple[str, str]]] = ()
     off_ground: ClassVar[Collection[str]] = ()
+    seen: ClassVar[list[set[Pair]]] = []
 
-    def find_raised_labels(self, *_: object) -> set[str]:
+    def find_raised_labels(self, _: object, __: object, record: Record) -> set[str]:
+        self.seen.append(set(record.found))
         return set(self.off_ground)
 
     def mark_contradicted(self, rows: Ints, *_: Floats) -> Bools:
@@ -219,6 +221,22 @@ def test_a_point_that_is_probably_not_on_the_ground_is_asked_for_and_not_propose
     found = {pair for pair, one in seeker.proposed.outcomes.items() if one.found is not None}
 
     assert found == {("2.jpg", "B"), ("3.jpg", "B")}
+
+
+def test_withdrawn_matches_remain_evidence_and_come_back_with_it(start: Start) -> None:
+    world = World()
+    world.off_ground = ("A",)
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(state("A"), LAST))
+    until(lambda: [one.why for one in seeker.proposed.outcomes.values()].count(OFF_GROUND) == 2)
+    world.off_ground = ()
+    seeker.submit(SearchInput(state("A", "B"), LAST))
+    until(lambda: sum(one.found is not None for one in seeker.proposed.outcomes.values()) == 4)
+
+    assert {pair for pair in Agreeing.seen[-1] if pair[1] == "A"} == {
+        ("2.jpg", "A"),
+        ("3.jpg", "A"),
+    }
 
 
 def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: Start) -> None:

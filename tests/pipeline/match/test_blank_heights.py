@@ -6,14 +6,17 @@ flight: such an edge falls on itself at any height.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from uavgram.imaging.matching.line_of_sight import LineMatches, SightLine, match_along_line
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
+from uavgram.pipeline.match import sightline_search
 from uavgram.pipeline.match.run import match_picks
 from uavgram.stages.match import Matches
 
@@ -133,3 +136,24 @@ def test_points_on_the_ground_are_found_as_exactly_as_ever(
         for (image, label), one in found.items()
     ]
     assert np.sqrt(np.mean(np.square(off))) < 0.1
+
+
+def test_a_second_click_in_the_same_photo_is_no_other_view(
+    points: dict[str, Floats], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = write_project(points, tmp_path, (SOURCE, SOURCE + 1))
+    picks = tmp_path / "picks.csv"
+    rows = picks.read_text().splitlines()
+    again = [row for row in rows if row.startswith((f"{SOURCE}.png,V", f"{SOURCE + 1}.png,V"))]
+    picks.write_text("\n".join([*rows, *again]) + "\n")
+    views: list[int] = []
+
+    def counted(source: Image, targets: Sequence[Image], line: SightLine) -> LineMatches:
+        views.append(len(targets))
+        return match_along_line(source, targets, line)
+
+    monkeypatch.setattr(sightline_search, "match_along_line", counted)
+    match_picks(project, dry_run=True)
+
+    assert views
+    assert max(views) == len(CENTERS_M) - 1

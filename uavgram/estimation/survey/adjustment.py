@@ -392,8 +392,7 @@ class Refined:
     rival_lines
         Names of lengths that explain the misfit as well as one that was left out.
     rival_clicks
-        Adjustments without one click, by its label, that explain the misfit as well; None if the
-        survey without it is not determined.
+        Adjustments without one click, by its label, that explain the misfit as well.
     causes
         Explanations of the misfits, likeliest first.
     matches_left_out
@@ -415,7 +414,7 @@ class Refined:
     stated: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     rival_lines: frozenset[str] = frozenset()
-    rival_clicks: Mapping[str, Adjustment | None] = field(default_factory=dict)
+    rival_clicks: Mapping[str, Adjustment] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
     mirrored: Adjustment | None = None

@@ -257,6 +257,18 @@ MAX_NEXT_BEST_SHARE = 0.95
 OTHER_PLACE_PX = 10.0
 """Distance in some photo from which a place counts as another one."""
 
+AROUND_PX = 2.5 * CORNER_SIGMA_PX
+"""Distance [px of the source] of other pixels that are compared with the pick: no corner there
+counts as one at the pick."""
+
+AROUND = 8
+"""Number of these pixels."""
+
+AS_STRONG_AROUND = 3
+"""Number of neighbouring pixels as strong as the pick from which it is no corner, but a point of an
+edge or of a texture: these go on in two directions at least, and a corner beside the pick is near
+two of the pixels."""
+
 FITTED_HALF, FITTED_STEPS = 9, 12
 MAX_OFF_LINE_PX = 1.5
 """Largest distance in one photo from the common place: errors of poses."""
@@ -319,7 +331,12 @@ def match_along_line(
         refused[:] = RefusalReason.OUTSIDE
         return LineMatches(refused, pixel, covariance, score)
     # Find the place on the line where most photos share the corner.
-    place, why = choose_line_place(compute_corner_strength(source, targets, line), line)
+    strength = compute_corner_strength(source, targets, line)
+    place, why = choose_line_place(strength, line)
+    if why == RefusalReason.NONE and not _is_corner_at_pick(
+        source, targets, line, (place, strength[place])
+    ):
+        why = RefusalReason.NOT_UNIQUE
     if why != RefusalReason.NONE:
         refused[:] = why
         return LineMatches(refused, pixel, covariance, score)
@@ -346,6 +363,36 @@ def match_along_line(
         refused[some] = RefusalReason.UNSTABLE
         pixel[some], covariance[some] = np.nan, np.nan
     return LineMatches(refused, pixel, covariance, score)
+
+
+def _is_corner_at_pick(
+    source: Image, targets: Sequence[Image], line: SightLine, found: tuple[int, float]
+) -> bool:
+    """Return whether the shared corner is at the pick, and not as strong all around it.
+
+    A click a pixel beside a corner may be on the edge of another thing before it. That edge, with
+    the texture beside it, is the same in all photos, but so are its neighbouring points.
+
+    Parameters
+    ----------
+    source, targets, line
+        As for `match_along_line`.
+    found
+        Place of the corner on the line, and its strength.
+    """
+    place, strength = found
+    near = slice(max(place - 2, 0), place + 3)
+    affine = line.affine[near]
+    count = 0
+    for turn in 2.0 * np.pi * np.arange(AROUND) / AROUND:
+        step = AROUND_PX * np.array([np.cos(turn), np.sin(turn)])
+        beside = line._replace(
+            source_px=line.source_px + step,
+            pixel_px=line.pixel_px[near] + affine @ step,
+            affine=affine,
+        )
+        count += bool(compute_corner_strength(source, targets, beside).max() >= strength)
+    return count < AS_STRONG_AROUND
 
 
 def _likeness(own: Grey, targets: Sequence[Image], line: SightLine) -> Floats:

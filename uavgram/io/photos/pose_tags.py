@@ -163,6 +163,10 @@ MAKERS: tuple[Callable[[XmpTags, ExifPlace], TagPose | None], ...] = (
 )
 
 
+ASK_FOR_MOUNT = "State `mount` in the project, or the angles in a CSV file (`poses`)."
+"""Request of a message on angles that were not filled in."""
+
+
 def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """Read the poses in the tags of photos; photos without place are left out.
 
@@ -303,7 +307,7 @@ def _without_zero_angles(
         names = tuple(frame_id[k] for k in np.flatnonzero(empty))
         text = (
             f"{_stating_zero(names)}: the drone did not fill them in, and they were not used. "
-            "State `mount` in the project, or the angles in a CSV file (`poses`)."
+            f"{ASK_FOR_MOUNT}"
         )
         messages.append(Message("warning", "gimbal-not-filled", text, frames=names))
     if (zero & ~empty).any():

@@ -38,6 +38,9 @@ class Outcome:
         Whether a person refused it or will not pick it: it is not searched again.
     is_asked
         Whether it is to be picked by hand.
+    withdrawn
+        Match that is not proposed, as the point is probably not on the ground; it remains evidence
+        of that.
     """
 
     source: tuple[str, float, float] | None
@@ -47,6 +50,7 @@ class Outcome:
     is_alike: bool = False
     is_over: bool = False
     is_asked: bool = True
+    withdrawn: c.Place | None = None
 
 
 Outcomes = Mapping[Pair, Outcome]

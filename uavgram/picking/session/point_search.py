@@ -240,26 +240,31 @@ class PointSearch:
         )
 
     def _withdraw_raised(self, places: AdjustedPlaces, picks: Picks) -> None:
-        """Withdraw proposals on the ground of labels that are more likely off it."""
+        """Withdraw proposals on the ground of labels that are more likely off it.
+
+        They remain evidence, and are proposed again once they show the label on the ground.
+        """
         outcomes = self.proposed.outcomes
         keys = zip(picks.label, picks.image, *picks.pixel_px.T.tolist(), strict=True)
         number = {key: i for i, key in enumerate(keys)}
         results: dict[Pair, Found | Missed] = {}
         for pair, one in outcomes.items():
             pick = None if one.source is None else number.get((pair[1], *one.source))
-            if pick is not None and one.found is not None:
-                results[pair] = _as_find(pick, one.found, one.radius_px)
-            elif pick is not None and one.why != OFF_GROUND:
+            place = one.found or one.withdrawn
+            if pick is not None and place is not None:
+                results[pair] = _as_find(pick, place, one.radius_px)
+            elif pick is not None:
                 results[pair] = Missed(pick, one.radius_px, one.why)
         record = Record().with_results(results)
         raised = places.find_raised_labels(self._survey, picks, record)
-        self.proposed.put(
-            {
-                pair: replace(outcomes[pair], found=None, why=OFF_GROUND)
-                for pair in record.found
-                if pair[1] in raised
-            }
-        )
+        changed: dict[Pair, Outcome] = {}
+        for pair in record.found:
+            one = outcomes[pair]
+            if pair[1] in raised and one.found is not None:
+                changed[pair] = replace(one, found=None, why=OFF_GROUND, withdrawn=one.found)
+            elif pair[1] not in raised and one.withdrawn is not None:
+                changed[pair] = replace(one, found=one.withdrawn, why="", withdrawn=None)
+        self.proposed.put(changed)
 
     def _unknown(self, places: PredictedPlaces, state: State) -> Ints:
         """Return the rows (n,) of places to search, the best predicted first."""

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.first_values import find_seen_labels
 from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.survey.adjustment import (
@@ -23,14 +24,16 @@ from uavgram.estimation.survey.adjustment import (
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
 from uavgram.model.survey import Survey
-from uavgram.pipeline.match.selection import append_matches
+from uavgram.pipeline.match.selection import append_matches, list_labels_without_height
 from uavgram.pipeline.measure.compute import adjust_survey, assemble_survey
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import PosedFrames
-from uavgram.stages.match import CONTRADICTED, Found, Pair
+from uavgram.stages.ground_consensus import UNKNOWN_SIGMA_M, find_ground_points
+from uavgram.stages.match import CONTRADICTED, REGION_SQUARED, Found, Pair
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import set_free_heights
 from uavgram.stages.refine.tie_outliers import remove_wrong_ties
+from uavgram.stages.refine.tied_frames import add_tied_frames
 
 UNEVEN_M = 0.1
 """Least roughness of ground without a larger statement [m]: crown, gutter and kerb of a road."""
@@ -86,6 +89,9 @@ class _Trial(NamedTuple):
         The find of largest misfit, where that factor is large.
     out
         Numbers of all picks that are outliers, earlier matches among them.
+    unplaced
+        Labels of unknown height that are not among those on the ground by consensus: they determine
+        no pose.
     """
 
     adjustment: Adjustment
@@ -93,6 +99,19 @@ class _Trial(NamedTuple):
     factor: float
     worst: Pair | None
     out: frozenset[int]
+    unplaced: frozenset[str]
+
+
+class Adjusted(NamedTuple):
+    """Adjustment with finds; contradicted ones, with the reason; and labels without a place.
+
+    Labels without a place are those of unknown height which the consensus does not show on the
+    ground.
+    """
+
+    adjustment: Adjustment
+    contradicted: dict[Pair, str]
+    unplaced: frozenset[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +165,8 @@ class BaseAdjustment:
             matched[survey.pick_label[survey.matches.pick]] = True
         return (np.isin(survey.label, sorted(free)) | survey.is_free) & ~matched
 
-    def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, dict[Pair, str]]:
-        """Adjust with the finds; also return the contradicted finds, with the reason.
+    def adjusted(self, found: Mapping[Pair, Found]) -> Adjusted:
+        """Adjust with the finds.
 
         A find with a large error spreads it over few others, so that none is an outlier: a find
         without which all others fit much better is contradicted too.
@@ -160,7 +179,7 @@ class BaseAdjustment:
                 break
             tried = rest
         wrong = dict.fromkeys(sorted(frozenset(found) - tried.kept), CONTRADICTED)
-        return tried.adjustment, wrong | self._list_unsure(tried)
+        return Adjusted(tried.adjustment, wrong | self._list_unsure(tried), tried.unplaced)
 
     def _list_unsure(self, tried: _Trial) -> dict[Pair, str]:
         """Return finds of points of unknown height that are, or may be, the ground behind an edge.
@@ -184,9 +203,18 @@ class BaseAdjustment:
         """Adjust with some finds, without outliers."""
         picks = append_matches(self.inputs.picks, found)
         survey = assemble_survey(replace(self.inputs, picks=picks), self.posed).survey
-        sound = remove_wrong_ties(self._prepare(survey))
+        survey = self._prepare(survey)
+        sound = remove_wrong_ties(survey)
         out = set(sound.matches_left_out)
-        survey, adjustment = sound.survey, self._best(sound.survey)
+        # Points of unknown height determine poses only where they are on the ground by consensus.
+        survey = replace(sound.survey, is_free=survey.is_free)
+        unplaced = self._find_unplaced(survey)
+        is_unplaced = np.isin(survey.label, sorted(unplaced))
+        keep = self.keep & ~_mark_repeated(survey, is_unplaced)
+        label = survey.pick_label[survey.matches.pick][survey.matches.point]
+        matches = survey.matches.without(is_unplaced[label])[0]
+        survey = replace(survey, matches=matches, is_free=survey.is_free & ~is_unplaced)
+        adjustment = self._best(survey, keep)
         for _ in range(MAX_ROUNDS):  # now the ground and known heights take part
             wrong = _find_misfits(adjustment, picks)
             if not wrong:
@@ -194,17 +222,37 @@ class BaseAdjustment:
             out |= wrong
             gone = np.isin(survey.matches.row, list(wrong)) & _is_found(survey, picks)
             survey = replace(survey, matches=survey.matches.without(gone)[0])
-            adjustment = self._best(survey)
+            adjustment = self._best(survey, keep)
         factor = max((one.factor for one in sound.noise if one.source == "match"), default=0.0)
         worst = _worst(adjustment, picks) if factor > SPREAD else None
         gone_pairs = {(picks.image[i], picks.label[i]) for i in out}
-        return _Trial(adjustment, frozenset(found) - gone_pairs, factor, worst, frozenset(out))
+        denied = _find_denied_labels(adjustment)
+        rest = {pair: one for pair, one in found.items() if pair[1] not in denied}
+        if len(rest) < len(found):
+            return self._tried(rest)
+        kept = frozenset(found) - gone_pairs
+        return _Trial(adjustment, kept, factor, worst, frozenset(out), unplaced)
 
-    def _best(self, survey: Survey) -> Adjustment:
-        """Return the best adjustment without the observations left out of the full one."""
+    def _find_unplaced(self, survey: Survey) -> frozenset[str]:
+        """Return labels of unknown height in several photos that are not on the ground.
+
+        Where a label has finds, they show its height, and its clicks in other photos may not agree:
+        what was found may be the ground behind it.
+        """
         refined = self.refined
         known, poses = refined.known_removed, refined.pose_widened
-        taking = Participants(survey, self.keep, refined.line_removed, {}, known, poses)
+        own = np.zeros(len(survey.pick_label), dtype=np.bool_)
+        own[survey.matches.pick] = True
+        is_found = np.isin(survey.pick_label, survey.pick_label[survey.matches.pick])
+        keep = self.keep & (own | ~is_found)
+        taking = Participants(survey, keep, refined.line_removed, {}, known, poses)
+        return find_unplaced(taking, find_blank_labels(self.inputs.picks))
+
+    def _best(self, survey: Survey, keep: Bools) -> Adjustment:
+        """Return the best adjustment with some picks (P,), without what the full one left out."""
+        refined = self.refined
+        known, poses = refined.known_removed, refined.pose_widened
+        taking = Participants(survey, keep, refined.line_removed, {}, known, poses)
         return find_best_minima(taking).adjustment
 
     def _prepare(self, survey: Survey) -> Survey:
@@ -236,13 +284,74 @@ def adjust_manual_picks(inputs: Inputs, posed: PosedFrames) -> BaseAdjustment:
     GeometryError
         They do not determine the survey yet; the message names the missing ones.
     """
-    survey = assemble_survey(replace(inputs, picks=_mark_manual(inputs.picks)), posed).survey
+    picks = _mark_manual(inputs.picks)
+    survey = assemble_survey(replace(inputs, picks=picks), posed).survey
+    every, none = (
+        np.ones(len(survey.pick_frame), np.bool_),
+        np.zeros(len(survey.line_start), np.bool_),
+    )
+    tied = add_tied_frames(survey)[0]
+    unplaced = find_unplaced(Participants(tied, every, none, {}), find_blank_labels(picks))
+    survey = _set_unknown_heights(survey, np.isin(survey.label, sorted(unplaced)))
     refined, _ = adjust_survey(survey, inputs.project.solve)
     keep = np.ones(len(survey.pick_frame), dtype=np.bool_)
     keep[: len(refined.pick_removed)] = ~refined.pick_removed
     out = [i for i, why in refined.pick_reason.items() if why.cause not in TRIED_AGAIN]
     keep[out] = False
     return BaseAdjustment(inputs, posed, keep, refined)
+
+
+def find_blank_labels(picks: Picks) -> frozenset[str]:
+    """Return labels whose height is neither stated nor free."""
+    return frozenset(list_labels_without_height(picks, zip(picks.image, picks.label, strict=True)))
+
+
+def find_unplaced(taking: Participants, blank: Collection[str]) -> frozenset[str]:
+    """Return labels of unknown height in several photos that are not on the ground by consensus.
+
+    None where only they determine the poses.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    blank
+        Labels of unknown height.
+    """
+    survey = taking.survey
+    unsure = np.isin(survey.label, sorted(blank)) & (_photos_of_labels(survey) >= 2)
+    if not unsure.any():
+        return frozenset()
+    try:
+        wide = replace(taking, survey=_set_unknown_heights(survey, unsure))
+        adjustment = find_best_minima(wide).adjustment
+    except GeometryError:
+        return frozenset()
+    labels = adjustment.label_rows([survey.label[k] for k in np.flatnonzero(unsure)])
+    if (labels < 0).any():
+        return frozenset()
+    # Joint distribution of the heights.
+    columns = adjustment.problem.layout.point_columns(labels)[:, 2]
+    some = np.zeros((adjustment.problem.layout.size, len(labels)))
+    some[columns, np.arange(len(labels))] = 1.0
+    spread = adjustment.minimum.factor.solve(some)[columns]
+    height = compute_heights_at(adjustment, adjustment.state)[labels]
+    uneven = [max(ground.roughness_sigma_m, UNEVEN_M) for ground in survey.grounds]
+    on_ground = find_ground_points(height, spread, np.array(uneven)[survey.area[unsure]])
+    return frozenset(survey.label[k] for k in np.flatnonzero(unsure)[~on_ground])
+
+
+def _set_unknown_heights(survey: Survey, labels: Bools) -> Survey:
+    """Make the heights of some labels (K,) unknown."""
+    return replace(survey, height_sigma_m=np.where(labels, UNKNOWN_SIGMA_M, survey.height_sigma_m))
+
+
+def _mark_repeated(survey: Survey, labels: Bools) -> Bools:
+    """Mark picks (P,) of some labels (K,) in other photos than that of their first one."""
+    first = np.full(len(survey.label), -1)
+    first[survey.pick_label[::-1]] = survey.pick_frame[::-1]
+    other = survey.pick_frame != first[survey.pick_label]
+    return np.asarray(other & labels[survey.pick_label])
 
 
 def _mark_manual(picks: Picks) -> Picks:
@@ -264,6 +373,18 @@ def _misfits(adjustment: Adjustment, picks: Picks) -> Floats:
     survey = adjustment.survey
     fall = compute_reductions(adjustment.minimum.blocks["matches"], adjustment.covariance)
     return np.where(_is_found(survey, picks), fall, -1.0)
+
+
+def _find_denied_labels(adjustment: Adjustment) -> set[str]:
+    """Return labels whose finds a click contradicts, such as finds of the ground behind an edge."""
+    survey, block = adjustment.survey, adjustment.minimum.blocks.get("pixels")
+    if block is None or not survey.matches.points:
+        return set()
+    misfit = compute_reductions(block, adjustment.covariance)
+    matched = np.zeros(len(survey.label), dtype=np.bool_)
+    matched[survey.pick_label[survey.matches.pick]] = True
+    denied = matched[survey.pick_label] & (misfit > REGION_SQUARED)
+    return {survey.label[k] for k in survey.pick_label[denied].tolist()}
 
 
 def _worst(adjustment: Adjustment, picks: Picks) -> Pair | None:

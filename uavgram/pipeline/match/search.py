@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -53,11 +54,15 @@ LINES_BEFORE = 1
 """Rounds from the end at which lines of sight are searched, even if ground places remain."""
 
 
+UNPLACED = "the photos do not show it on the ground, and its height is not known"
+
+
 class Search(NamedTuple):
-    """Finds and misses, and the last adjustment with them."""
+    """Finds and misses, the last adjustment with them, and labels without a place (`Adjusted`)."""
 
     record: Record
     adjustment: Adjustment
+    unplaced: frozenset[str]
 
 
 def search_all_photos(
@@ -82,7 +87,7 @@ def search_all_photos(
     on_ground
         Odds that a label without a height is on the ground.
     """
-    adjustment, record = _drop_contradicted(base, Record())
+    record, adjustment, unplaced = _drop_contradicted(base, Record())
     for left in reversed(range(MAX_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
@@ -98,10 +103,9 @@ def search_all_photos(
         raised = raised or set(list_labels_without_height(picks, as_ground))
         is_over = candidates.is_raised[rows].all()  # for ground points
         if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines of sight, or not
-            freed = base.free_heights(raised)
-            with suppress(GeometryError):  # other points place the photos without their heights
-                adjustment, record = _drop_contradicted(freed, record.without_labels(raised))
-                base = freed
+            freed = _free_heights(base, raised, record)
+            if freed is not None:
+                base, (record, adjustment, unplaced) = freed
                 continue
         if rows.size and not (lines.size and left == LINES_BEFORE):
             looked = _search(photos, base, candidates, rows, progress)
@@ -115,14 +119,39 @@ def search_all_photos(
             break
         before, record = record, record.with_results(looked)
         if record.found != before.found:
-            adjustment, record = _drop_contradicted(base, record)
-    return Search(record, adjustment)
+            record, adjustment, unplaced = _drop_contradicted(base, record)
+    unsure = {pair: UNPLACED for pair in record.found if pair[1] in unplaced}
+    return Search(record.without(unsure), adjustment, unplaced)
 
 
-def _drop_contradicted(base: BaseAdjustment, record: Record) -> tuple[Adjustment, Record]:
-    """Return the adjustment with the finds, and the record without contradicted ones."""
-    adjustment, wrong = base.adjusted(record.found)
-    return adjustment, record.without(wrong)
+def _free_heights(
+    base: BaseAdjustment, raised: Collection[str], record: Record
+) -> tuple[BaseAdjustment, Search] | None:
+    """Free the heights of labels and remove their finds, as far as other points place the photos.
+
+    Labels picked in one photo place no photo.
+
+    Parameters
+    ----------
+    base, record
+        The project, and the search so far.
+    raised
+        Labels off the ground.
+    """
+    picks = base.inputs.picks
+    photos = Counter(label for _, label in set(zip(picks.image, picks.label, strict=True)))
+    for labels in (set(raised), {label for label in raised if photos[label] == 1}):
+        if labels:
+            freed = base.free_heights(labels)
+            with suppress(GeometryError):
+                return freed, _drop_contradicted(freed, record.without_labels(labels))
+    return None
+
+
+def _drop_contradicted(base: BaseAdjustment, record: Record) -> Search:
+    """Adjust with the finds, and drop contradicted ones."""
+    adjusted = base.adjusted(record.found)
+    return Search(record.without(adjusted.contradicted), adjusted.adjustment, adjusted.unplaced)
 
 
 def _candidates(base: BaseAdjustment, adjustment: Adjustment) -> Candidates:

@@ -21,7 +21,7 @@ from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.metadata import exif_text, read_camera_tags, read_exif_tags
 from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_pose_sources
-from uavgram.io.photos.pose_tags import first_maker
+from uavgram.io.photos.pose_tags import ASK_FOR_MOUNT, first_maker
 from uavgram.io.tables.csv_tables import find_own_columns
 from uavgram.io.tables.known import (
     CONTROL_LINES_COLUMNS,
@@ -428,7 +428,10 @@ def _report_readout(readout: Readout) -> Message:
 def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
     """Read the poses that the project names; without any, or a log, hint at available ones."""
     if project.poses is not None:
-        return read_pose_sources(project.pose_sources, photos, project.world.heights)
+        poses, messages = read_pose_sources(project.pose_sources, photos, project.world.heights)
+        if not np.isnan(project.mount.angles_deg((np.nan,) * 3)).all():
+            messages = tuple(map(_without_request_for_mount, messages))
+        return poses, messages
     maker = "" if project.log else first_maker(photos)
     if not maker:
         return None, ()
@@ -437,6 +440,12 @@ def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[M
         "project would use them."
     )
     return None, (Message("info", "poses-available", text),)
+
+
+def _without_request_for_mount(message: Message) -> Message:
+    """Return the message without its request to state `mount`, as the project states it."""
+    text = message.text.replace(ASK_FOR_MOUNT, "The camera is taken to look as `mount` states.")
+    return replace(message, text=text)
 
 
 def _check_sizes(project: Project, calibration: Calibration, photos: Photos) -> None:

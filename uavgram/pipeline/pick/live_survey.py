@@ -209,7 +209,7 @@ class LiveSurvey:
             raise UavgramError(self.unposed_because)
         posed = replace(self.posed, telemetry=None)
         base = adjust_manual_picks(self._inputs_with(last.observed), posed)
-        adjustment, contradicted = base.adjusted(found)
+        adjustment, contradicted, _ = base.adjusted(found)
         refined = replace(base.refined, adjustment=adjustment)
         return replace(last, computed=last.computed._replace(refined=refined)), contradicted
 

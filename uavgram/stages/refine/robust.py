@@ -1060,7 +1060,7 @@ def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robu
     (robust, _), *others = pairs
     # Record lengths and clicks that rival explanations leave out, and their adjustments.
     refined, rivals = robust.refined, set[str]()
-    clicks: dict[str, Adjustment | None] = {}
+    clicks: dict[str, Adjustment] = {}
     minima = [*refined.alternatives]
     for rival, _ in others:
         other = rival.refined
