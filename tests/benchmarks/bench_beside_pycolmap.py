@@ -55,7 +55,7 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.ties_table import write_ties
+from uavgram.pipeline.picks_table import write_ties
 
 HERE = Path(__file__).parent
 OURS: dict[Seeds, str] = {

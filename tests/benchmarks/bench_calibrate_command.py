@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench_targets import BOARD, LENS, SIZE_PX, classical, sector
 from board_photos import Sensor, look, photograph
 
-from uavgram.pipeline.cameras.calibrate import calibrate
+from uavgram.pipeline.calibrate import calibrate
 
 WORKERS = 2
 PEERS = {"SB": sector, "classical + SubPix": classical}

@@ -24,7 +24,7 @@ from uavgram.estimation.calibration.adjustment import Fit, adjust
 from uavgram.estimation.calibration.problem import make_lens, pad
 from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.model.board import BoardObservations, CalibrationOptions
-from uavgram.stages.calibrate.calibrate import calibrate
+from uavgram.stages.calibrate.calibration import calibrate
 
 REPEATS = 7
 

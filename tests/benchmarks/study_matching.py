@@ -58,7 +58,7 @@ from uavgram.model.arrays import Floats
 from uavgram.pipeline.match.run import match_picks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.ties_table import write_ties
+from uavgram.pipeline.picks_table import write_ties
 
 FLIGHTS: tuple[tuple[Kind, float], ...] = (
     ("nadir", 0.0),

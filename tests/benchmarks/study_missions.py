@@ -27,7 +27,7 @@ from mission_files import by_plan, by_pymavlink, stations
 
 from uavgram.model.planned import FlightPlanned
 from uavgram.pipeline.parallel import run_in_processes
-from uavgram.stages.products.mission import flight_mission
+from uavgram.stages.products.planned_layers import flight_mission
 from uavgram.synthetic.plan.plan import plan
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.simulate import apply_stated_sigmas, gather_repetitions, run_repetition

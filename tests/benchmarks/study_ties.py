@@ -41,7 +41,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import TapeOptions
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.ties_table import write_ties
+from uavgram.pipeline.picks_table import write_ties
 
 KINDS: tuple[Kind, ...] = ("nadir", "oblique")
 NOISE_PX, LENGTH_SIGMA_M = 0.8, 0.01

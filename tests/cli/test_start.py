@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 import uavgram
 from uavgram.model.board import CalibrationOptions
-from uavgram.pipeline.cameras.calibrate import calibrate
+from uavgram.pipeline.calibrate import calibrate
 
 PROGRAM = """
 import os, sys
@@ -58,7 +58,7 @@ RUN_PROGRAM = "import os, sys, uavgram; os.umask(0o077); uavgram.run(*sys.argv[1
 CALIBRATE = """
 import sys
 from uavgram.model.board import CalibrationOptions
-from uavgram.pipeline.cameras.calibrate import calibrate
+from uavgram.pipeline.calibrate import calibrate
 calibrate([sys.argv[1]], *sys.argv[2:], CalibrationOptions(coefficients=5))
 """
 BOARD = "chessboard:9x6:25mm"

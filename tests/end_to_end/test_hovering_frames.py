@@ -17,7 +17,7 @@ from published_scenes import camera_file, narrabeen_targets, write_project
 from uavgram.pipeline.match.run import match_picks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.ties_table import write_ties
+from uavgram.pipeline.picks_table import write_ties
 
 LENS = (3320, 3319, 1758, 1090, 0.01638, 0.02744, -0.01, 0, 0.00105)
 LENS_SIGMA = (10, 10, 10, 10, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)

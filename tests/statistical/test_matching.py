@@ -16,7 +16,7 @@ from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise import synchronise
-from uavgram.stages.synchronise.boots import usable_boots
+from uavgram.stages.synchronise.event_times import usable_boots
 
 FLIGHTS = 1000
 

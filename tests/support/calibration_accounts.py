@@ -13,7 +13,7 @@ from uavgram.model.camera import CameraProvenance, LensModel
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest
 from uavgram.stages.calibrate.assessment import describe_lens_effects
-from uavgram.stages.calibrate.calibrate import calibrate
+from uavgram.stages.calibrate.calibration import calibrate
 
 
 def make_account(

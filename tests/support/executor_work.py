@@ -53,7 +53,7 @@ def need(megabytes: int) -> str:
 
 def threads(_: int) -> tuple[str, int]:
     """What libraries are told, and how many cores our own code takes."""
-    from uavgram.pipeline.cores import cores
+    from uavgram.pipeline.process_settings import cores
 
     return os.environ["OPENBLAS_NUM_THREADS"], cores()
 

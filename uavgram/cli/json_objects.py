@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from uavgram.estimation.calibration.projection import CameraDifference
     from uavgram.model.message import Message
     from uavgram.model.result.result import Result
-    from uavgram.pipeline.cameras.read import CameraRead
+    from uavgram.pipeline.cameras import CameraRead
     from uavgram.pipeline.check import CheckedProject
 
 SCHEMA = 1

@@ -34,7 +34,7 @@ from uavgram.io.tables.updates import (
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
-from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
+from uavgram.pipeline.cameras import assume_photo_camera, read_camera
 from uavgram.pipeline.check import find_missing_inputs
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import (

@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from uavgram.errors import UavgramError
-from uavgram.pipeline.cores import cores
+from uavgram.pipeline.process_settings import cores
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -58,7 +58,7 @@ def run_in_processes(
     if count < 2 or len(items) <= FEW_ITEMS:
         yield from map(work, items)
         return
-    from uavgram.pipeline.executor.processes import in_workers  # noqa: PLC0415 - slow to load
+    from uavgram.pipeline.processes import in_workers  # noqa: PLC0415 - slow to load
 
     early: dict[int, Any] = {}
     due = 0

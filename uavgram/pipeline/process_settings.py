@@ -1,9 +1,13 @@
-"""Settings for processes of this program only: the command line's, or a worker of a batch."""
+"""Settings of processes of this program only, the command line's or a worker's; their cores.
+
+Separate from `threads.py`: a worker reads it before it loads numpy.
+"""
 
 from __future__ import annotations
 
 import atexit
 import gc
+import os
 import sys
 from collections.abc import Sequence
 from importlib.abc import Loader, MetaPathFinder
@@ -65,3 +69,21 @@ class _ModuleFilter(MetaPathFinder):
         if spec is not None and isinstance(spec.loader, Loader):
             spec.loader = LazyLoader(spec.loader)
         return spec
+
+
+_allowed: list[int] = []
+"""Number of cores assigned to this process, if any."""
+
+
+def use_one_core() -> None:
+    """Use one core from now on: this process is one of as many as there are cores."""
+    _allowed[:] = [1]
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    if _allowed:
+        return _allowed[0]
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -28,7 +28,7 @@ from uavgram.model.frames import Photos
 from uavgram.model.naming import METRIC, SHORT_FORMS, Units
 from uavgram.model.options import Auto, Project, TimeOptions
 from uavgram.model.provenance import Case
-from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
+from uavgram.pipeline.cameras import assume_photo_camera, read_camera
 from uavgram.pipeline.import_picks import ControlFiles, import_picks
 from uavgram.pipeline.new import (
     PROJECT,

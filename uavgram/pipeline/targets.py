@@ -37,7 +37,7 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import Pair, Record
 from uavgram.stages.messages import order_messages
-from uavgram.stages.target_rows import (
+from uavgram.stages.plates import (
     TargetRow,
     add_targets,
     asked_centers,

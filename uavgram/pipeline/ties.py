@@ -25,12 +25,16 @@ from uavgram.model.frames import Poses
 from uavgram.model.survey import TiePicks
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.tie.overlap import LEAST_SHARE, Seen, overlap, pairs_of, predict
-from uavgram.stages.tie.tracks import (
+from uavgram.stages.tie import (
+    LEAST_SHARE,
     Matches,
+    Seen,
     Sighted,
     choose,
     fitting,
+    overlap,
+    pairs_of,
+    predict,
     relative_noise,
     sigmas,
     tracks_of,

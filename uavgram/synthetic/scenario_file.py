@@ -13,7 +13,7 @@ from uavgram.io.cameras import read_drone_cameras
 from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.camera import ORDINARY_EQUIVALENTS_MM, Calibration, CameraTags, DroneCamera
 from uavgram.model.observations import MeasurementRequest
-from uavgram.pipeline.cameras.read import assume_drone_camera, read_camera
+from uavgram.pipeline.cameras import assume_drone_camera, read_camera
 from uavgram.stages.camera import assume_camera, find_camera
 from uavgram.synthetic.errors import LOST_EXPOSURE_INDEX, USUAL_SECTIONS
 from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario

@@ -18,7 +18,7 @@ from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera import Calibration
 from uavgram.model.observations import MeasurementRequest
-from uavgram.stages.plate_sides import OWN_SIGMA_SHARE
+from uavgram.stages.plates import OWN_SIGMA_SHARE
 from uavgram.synthetic.flight import (
     FlightBiases,
     Motion,

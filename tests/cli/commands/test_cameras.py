@@ -23,7 +23,7 @@ from uavgram.config.camera import load_camera_file
 from uavgram.io.cameras import read_opencv_calibration
 from uavgram.model.board import Board, BoardObservations, BoardPhoto, CalibrationOptions, flat_board
 from uavgram.model.camera import Calibration, CameraProvenance
-from uavgram.stages.calibrate.calibrate import calibrate
+from uavgram.stages.calibrate.calibration import calibrate
 
 CAMERA = """\
 name: test

@@ -18,16 +18,9 @@ from uavgram.errors import UavgramError
 from uavgram.io.outputs import SupersededError
 from uavgram.io.results.command_json import append_record, read_records
 from uavgram.model.batch import SurveyRecord, SurveyStatus
-from uavgram.pipeline.batch import run as batch_run
-from uavgram.pipeline.batch import survey
-from uavgram.pipeline.batch.survey import (
-    Outcome,
-    Requests,
-    Task,
-    add_present_results,
-    measure_survey,
-)
-from uavgram.pipeline.executor.processes import ItemOutcome
+from uavgram.pipeline import batch
+from uavgram.pipeline.batch import Outcome, Requests, Task, add_present_results, measure_survey
+from uavgram.pipeline.processes import ItemOutcome
 from uavgram.views import viewer
 
 
@@ -139,7 +132,7 @@ def _in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
         for number, item in enumerate(items):
             yield ItemOutcome(number, work(item), 1)
 
-    monkeypatch.setattr(batch_run, "in_workers", here)
+    monkeypatch.setattr(batch, "in_workers", here)
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +151,7 @@ def again(record: SurveyRecord, asked: Requests | None = None) -> str:
     """Status of a survey that is asked for again; ``run`` where that would run it."""
     task = Task(project=record.row.project, asked=asked or Requests(), before=record)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(survey, "run", refuse)
+        patch.setattr(batch, "run", refuse)
         row = measure_survey(task).row
     return "run" if row.message == "would run" else row.status
 
@@ -202,7 +195,7 @@ def test_other_options_and_another_version_are_measured_again(
     _, record = measured
 
     assert again(record, Requests(pdf="a4")) == "run"
-    monkeypatch.setattr(survey, "stamp", lambda: {"version": "99"})
+    monkeypatch.setattr(batch, "stamp", lambda: {"version": "99"})
     assert again(record) == "run"
 
 
@@ -241,11 +234,11 @@ def test_what_a_worker_made_that_could_not_tell_is_not_measured_again(
     measured: tuple[Path, SurveyRecord],
 ) -> None:
     folder, record = measured
-    left = folder / "out" / survey.LEFT
+    left = folder / "out" / batch.LEFT
     task = add_present_results(Task(project=record.row.project, asked=Requests(), before=None))
     append_record(left, record)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(survey, "run", refuse)
+        patch.setattr(batch, "run", refuse)
         found = measure_survey(task)
         again = measure_survey(task)
 
@@ -295,15 +288,15 @@ def test_an_interrupted_batch_says_what_waits_and_goes_on(
         again = type(row)(name=seen[-1], project=task.project, status=status, level="green")
         return Outcome(row=again, record=new)
 
-    def interrupt(step: batch_run.Step) -> None:
+    def interrupt(step: batch.Step) -> None:
         if step.ended == 2:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(batch_run, "measure_survey", fake)
+    monkeypatch.setattr(batch, "measure_survey", fake)
     with pytest.raises(KeyboardInterrupt):
-        batch_run.run_batch([tmp_path], tmp_path / "out", tell=interrupt)
+        batch.run_batch([tmp_path], tmp_path / "out", tell=interrupt)
     first = {name: row["status"] for name, row in table(tmp_path / "out").items()}
-    batch_run.run_batch([tmp_path], tmp_path / "out")
+    batch.run_batch([tmp_path], tmp_path / "out")
     second = {name: row["status"] for name, row in table(tmp_path / "out").items()}
 
     assert first == {"a": "done", "b": "done", "c": "waiting"}
@@ -318,7 +311,7 @@ def test_two_surveys_never_write_into_one_folder(project: Project) -> None:
         for name in ("project.yaml", "other.yaml")
     ]
 
-    clashes = batch_run._find_clashes(tasks)
+    clashes = batch._find_clashes(tasks)
 
     assert list(clashes) == [str(project / "other.yaml")]
     assert str(project.path) in clashes[str(project / "other.yaml")].row.message

@@ -22,7 +22,7 @@ from uavgram.io.exports.missions import (
     waypoints_text,
 )
 from uavgram.model.maps import Autopilot, HeightFrame, Mission
-from uavgram.stages.products.mission import flight_mission
+from uavgram.stages.products.planned_layers import flight_mission
 
 MAV = mavutil.mavlink
 AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")

@@ -14,8 +14,12 @@ from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.commands import SideView
 from uavgram.picking.protocol.encode_answers import side_json
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
-from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
-from uavgram.pipeline.pick.side_view import make_side_view
+from uavgram.pipeline.pick.live_survey import (
+    LiveAdjustment,
+    LiveSurvey,
+    Observations,
+    make_side_view,
+)
 from uavgram.views.units import quantity
 
 FREE, ALONE = "R2", "alone"

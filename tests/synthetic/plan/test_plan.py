@@ -23,7 +23,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import Mission
 from uavgram.model.naming import IMPERIAL
 from uavgram.model.planned import FlightPlanned, PlannedLines, PlannedPlates, PlanRequest
-from uavgram.stages.products.mission import flight_mission
+from uavgram.stages.products.planned_layers import flight_mission
 from uavgram.synthetic.plan.plan import (
     PlanOutputs,
     has_no_site,

@@ -14,7 +14,7 @@ from uavgram.cli.terminal import print_json, print_lines, print_written_files, p
 from uavgram.errors import InputError
 
 if TYPE_CHECKING:
-    from uavgram.pipeline.cameras.read import CameraRead
+    from uavgram.pipeline.cameras import CameraRead
 
 _SIZE = re.compile(r"([1-9]\d*)x([1-9]\d*)")
 _PART = re.compile(r"(\d+),(\d+),([1-9]\d*)x([1-9]\d*)")
@@ -70,7 +70,7 @@ def camera(
         projections.
     """
     from uavgram.cli.json_objects import camera_object
-    from uavgram.pipeline.cameras.read import format_camera, read_camera, write_camera
+    from uavgram.pipeline.cameras import format_camera, read_camera, write_camera
     from uavgram.views.terminal import message_lines
 
     read = read_camera(file, name)
@@ -115,7 +115,7 @@ def _convert(read: CameraRead, crop: str | None, size: str | None) -> CameraRead
 
 def _show(read: CameraRead) -> list[str]:
     from uavgram.geometry.camera.properties import compute_camera_properties
-    from uavgram.pipeline.cameras.read import focal_on_sensor_mm
+    from uavgram.pipeline.cameras import focal_on_sensor_mm
     from uavgram.views.calibration.text import camera_lines
     from uavgram.views.terminal import message_lines
 
@@ -132,7 +132,7 @@ def _show(read: CameraRead) -> list[str]:
 def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bool) -> None:
     from uavgram.cli.json_objects import difference_object
     from uavgram.estimation.calibration.projection import compare_cameras
-    from uavgram.pipeline.cameras.read import read_camera
+    from uavgram.pipeline.cameras import read_camera
     from uavgram.views.calibration.text import difference_lines
     from uavgram.views.terminal import message_lines
 
@@ -201,8 +201,8 @@ def calibrate(  # noqa: PLR0913  (one for each option)
         Probability of a false suspicion in photos without outliers.
     """
     from uavgram.model.board import CalibrationOptions
-    from uavgram.pipeline.cameras.calibrate import FOLDER
-    from uavgram.pipeline.cameras.calibrate import calibrate as make
+    from uavgram.pipeline.calibrate import FOLDER
+    from uavgram.pipeline.calibrate import calibrate as make
     from uavgram.views.calibration.text import calibration_lines
 
     options = CalibrationOptions(

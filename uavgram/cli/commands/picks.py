@@ -313,7 +313,7 @@ def ties(project: Path = Path(), /, *, dry_run: Flag = False, undo: Flag = False
     undo
         Remove all tie points that the program found from the table.
     """
-    from uavgram.pipeline.ties_table import remove_ties, write_ties
+    from uavgram.pipeline.picks_table import remove_ties, write_ties
     from uavgram.views.terminal import message_lines
 
     set_project_units(project)

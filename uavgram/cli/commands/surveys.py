@@ -230,8 +230,8 @@ def show_recording(recording: Path, *, web: bool) -> None:
 
 
 if TYPE_CHECKING:
-    from uavgram.pipeline.batch.run import Step
-    from uavgram.pipeline.executor.cluster import Cluster
+    from uavgram.pipeline.batch import Step
+    from uavgram.pipeline.cluster import Cluster
 
 Count = Annotated[int, Parameter(validator=validators.Number(gte=1))]
 Minutes = Annotated[float, Parameter(validator=validators.Number(gt=0))]
@@ -299,8 +299,7 @@ def batch(
     verbose
         Show the progress of the work.
     """
-    from uavgram.pipeline.batch.run import CSV, PAGE, PARQUET, Resources, run_batch
-    from uavgram.pipeline.batch.survey import Requests
+    from uavgram.pipeline.batch import CSV, PAGE, PARQUET, Requests, Resources, run_batch
     from uavgram.views.batch import summarise_batch
 
     log_to_stderr(verbose=verbose)
@@ -326,7 +325,7 @@ def _print_row(step: Step) -> None:
 
 def _cluster(asked: Scheduler | None) -> Cluster | None:
     from uavgram.errors import UavgramError
-    from uavgram.pipeline.executor.cluster import Cluster
+    from uavgram.pipeline.cluster import Cluster
 
     if asked is None:
         return None

@@ -23,9 +23,8 @@ from uavgram.picking.document.proposals import Outcomes, select_certain
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_places import number
 from uavgram.picking.protocol.encode_units import quantity_words, table_words
-from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, make_side_view
 from uavgram.pipeline.pick.places import ExpectedPlace, project_ground
-from uavgram.pipeline.pick.side_view import make_side_view
 
 _DIGITS = 5
 

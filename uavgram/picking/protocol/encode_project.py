@@ -20,7 +20,7 @@ from uavgram.picking.protocol.encode_places import number
 from uavgram.picking.protocol.encode_survey import messages_json
 from uavgram.picking.protocol.encode_units import quantity_words, table_words
 from uavgram.picking.protocol.parse import PhotoSize
-from uavgram.pipeline.cameras.read import read_camera
+from uavgram.pipeline.cameras import read_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.pipeline.pick.live_survey import LiveSurvey

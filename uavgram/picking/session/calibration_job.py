@@ -19,7 +19,7 @@ from uavgram.model.board import CalibrationOptions
 from uavgram.picking.document.commands import Calibrate
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol import messages as m
-from uavgram.pipeline.cameras.calibrate import (
+from uavgram.pipeline.calibrate import (
     CAMERA,
     REPORT,
     CalibrationOutput,

@@ -23,7 +23,7 @@ from uavgram.picking.session.latest_task import LatestTask
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.targets import list_named_points
-from uavgram.stages.target_rows import TargetRow, asked_centers, rows_of
+from uavgram.stages.plates import TargetRow, asked_centers, rows_of
 
 log = logging.getLogger(__name__)
 

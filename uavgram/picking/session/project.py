@@ -21,7 +21,7 @@ from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.file_watch import FileWatch
 from uavgram.picking.storage.set_aside import Changes, SetAside, find_oldest, list_changes
 from uavgram.picking.storage.tables import Tables
-from uavgram.pipeline.cameras.calibrate import use_camera
+from uavgram.pipeline.calibrate import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 

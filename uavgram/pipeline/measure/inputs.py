@@ -52,7 +52,7 @@ from uavgram.model.observations import (
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.provenance import InputDigest
 from uavgram.model.survey import NO_TIES, TiePicks
-from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
+from uavgram.pipeline.cameras import assume_photo_camera, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
 ANEW = "or take the tie points out by `uavgram picks ties --undo`, and search for them again"

@@ -23,7 +23,7 @@ from uavgram.model.survey import Cause, World
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.stages.assemble import Assembled
-from uavgram.stages.plate_sides import SQUARE, add_plate_sides, own_scale_sigma
+from uavgram.stages.plates import SQUARE, add_plate_sides, own_scale_sigma
 
 
 def apply_corrections(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) -> Inputs:

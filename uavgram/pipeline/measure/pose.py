@@ -44,11 +44,15 @@ from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_effects import report_faults
 from uavgram.stages.seed.log_faults import find_faults
-from uavgram.stages.seed.logged_positions import compute_positions
-from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M, find_photo_home, place_photos
+from uavgram.stages.seed.photo_exposures import (
+    DEFAULT_HEIGHT_M,
+    compute_positions,
+    find_photo_home,
+    place_photos,
+)
 from uavgram.stages.seed.track import build_track, find_home, gather_evidence
 from uavgram.stages.synchronise import Synchronised, synchronise
-from uavgram.stages.synchronise.tied_times import poses_of
+from uavgram.stages.synchronise.matching import poses_of
 
 ABOVE_GROUND_SIGMA_M = 40.0
 """Sigma of `ABOVE_GROUND_M`."""

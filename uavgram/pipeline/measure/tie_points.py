@@ -15,8 +15,8 @@ from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, ties_path
 from uavgram.pipeline.measure.pose import PosedFrames, list_unposed, pose_frames
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.synchronise.boots import has_events
-from uavgram.stages.tie.remarks import remarks
+from uavgram.stages.synchronise.event_times import has_events
+from uavgram.stages.tie import remarks
 
 if TYPE_CHECKING:
     from uavgram.pipeline.ties import TieSearch

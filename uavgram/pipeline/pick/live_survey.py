@@ -29,6 +29,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownLines, MeasurementRequest, Picks
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import ProfileResults
 from uavgram.pipeline.match.adjustment import adjust_manual_picks
 from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
@@ -37,6 +38,7 @@ from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.linear_update import update_linearly
 from uavgram.stages.match import Found, Pair
+from uavgram.stages.measure import compute_profiles
 
 NOTHING_PICKED = (
     "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "
@@ -305,3 +307,38 @@ def _lengths(adjustment: Adjustment, lines: KnownLines, state: State) -> Floats:
     taped = select_taped_known(lines, seen, start[seen], end[seen])
     found[seen], _, _ = adjustment.problem.readings(state, taped)
     return found
+
+
+@with_one_blas_thread
+def make_side_view(adjusted: LiveAdjustment, name: str) -> ProfileResults | None:
+    """Return a measurement's adjusted points, in order along it.
+
+    A profile is viewed across its own line; other measurements across the line from the first point
+    to the one furthest from it, seen from above.
+
+    Parameters
+    ----------
+    adjusted
+        A full adjustment.
+    name
+        Name of the measurement.
+
+    Returns
+    -------
+    points
+        None where it was not requested then, or fewer than two of its points are adjusted.
+    """
+    request = next((one for one in adjusted.observed.requests if one.name == name), None)
+    if request is None:
+        return None
+    points = adjusted.result.points
+    place = dict(zip(points.label, points.position_world_m, strict=True))
+    label = [one for one in dict.fromkeys(request.points) if one in place]
+    if len(label) < 2:
+        return None
+    if request.kind != "profile":
+        away = np.array([place[one] for one in label])[:, :2] - place[label[0]][:2]
+        label.append(label.pop(int(np.argmax(np.hypot(*away.T)))))
+    along = MeasurementRequest(name=name, kind="profile", points=tuple(label))
+    found = compute_profiles(adjusted.adjustment, (along,))
+    return found if found.label else None

@@ -42,7 +42,7 @@ from uavgram.stages.match import (
     find_raised_labels,
 )
 from uavgram.stages.products.map_layers import shown_poses
-from uavgram.stages.products.mission import planned_origin
+from uavgram.stages.products.planned_layers import planned_origin
 from uavgram.stages.refine.readjustment import MorePicks, add_picks
 from uavgram.stages.same_ground import find_same_ground as ground_in_photos
 

@@ -1,3 +1,3 @@
 """Stage: calibrate a camera from photos of a board, with its covariance."""
 
-from uavgram.stages.calibrate.calibrate import calibrate
+from uavgram.stages.calibrate.calibration import calibrate

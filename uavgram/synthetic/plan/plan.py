@@ -31,8 +31,7 @@ from uavgram.model.planned import (
 )
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.products.mission import flight_mission
-from uavgram.stages.products.planned_layers import plan_layers
+from uavgram.stages.products.planned_layers import flight_mission, plan_layers
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.plan.accuracy import (
     Choice,

@@ -27,7 +27,7 @@ from uavgram.model.naming import MIN_SIDE_PX, PLATE_CORNERS, corner_label
 from uavgram.model.observations import KnownLines, Picks
 from uavgram.model.options import SolveOptions
 from uavgram.stages.assemble import assemble
-from uavgram.stages.plate_sides import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, own_scale_sigma
+from uavgram.stages.plates import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, own_scale_sigma
 from uavgram.stages.seed.poses import seed
 from uavgram.synthetic.plan.flights import (
     PlannedCameras,

@@ -1,1 +1,0 @@
-"""Parallel work on many items: by long-lived local processes, or by the workers of a cluster."""

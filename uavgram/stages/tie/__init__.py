@@ -1,1 +1,0 @@
-"""Stage: choose pairs of photos for tie points, and the tie points to keep."""
