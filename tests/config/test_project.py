@@ -11,6 +11,7 @@ import pytest
 
 from uavgram.config.project import load_project, make_paths_relative
 from uavgram.errors import InputError
+from uavgram.model.naming import IMPERIAL, METRIC, Units
 from uavgram.model.options import GeodeticOrigin, OptionsError, Project, SolveOptions, option_pairs
 
 
@@ -329,3 +330,79 @@ def test_a_mistake_in_the_list_of_poses_is_told_with_its_line(
 ) -> None:
     with pytest.raises(InputError, match=rf"project\.yaml:4: poses.*{words}"):
         load(f"poses: {value}\n")
+
+
+# `ties` of project.yaml: a file, `auto`, or nothing.
+
+
+def project(folder: Path, more: str) -> Path:
+    for name in ("camera.yaml", "picks.csv"):
+        (folder / name).touch()
+    path = folder / "project.yaml"
+    path.write_text(f"images: '*.jpg'\ncamera: camera.yaml\npicks: picks.csv\n{more}")
+    return path
+
+
+def test_a_project_need_not_name_any(tmp_path: Path) -> None:
+    assert load_project(project(tmp_path, "")).ties is None
+
+
+def test_a_file_becomes_absolute_and_auto_stays(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").touch()
+
+    assert load_project(project(tmp_path, "ties: t.csv\n")).ties == str(tmp_path / "t.csv")
+    assert load_project(project(tmp_path, "ties: auto\n")).ties == "auto"
+
+
+def test_a_file_that_is_missing_says_who_makes_it(tmp_path: Path) -> None:
+    path = project(tmp_path, "ties: ties.csv\n")
+
+    with pytest.raises(InputError, match=r":4: .*no such file 'ties.csv'.*`uavgram picks ties`"):
+        load_project(path)
+    assert load_project(path, unfinished=True).ties == str(tmp_path / "ties.csv")
+
+
+def test_an_empty_name_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="ties"):
+        load_project(project(tmp_path, "ties: ''\n"))
+
+
+# `units:` of a project file.
+
+
+def project_with(folder: Path, line: str) -> Path:
+    (folder / "camera.yaml").touch()
+    file = folder / "project.yaml"
+    file.write_text(f"images: '*.jpg'\ncamera: camera.yaml\npicks: picks.csv\n{line}\n")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("line", "units"),
+    [
+        ("", METRIC),
+        ("units: metric", METRIC),
+        ("units: imperial", IMPERIAL),
+        ("units: {length: ft}", Units(length="ft")),
+        ("units: {length: ft-in, speed: m/s}", Units(length="ft-in", speed="m/s")),
+    ],
+)
+def test_units_are_read_in_full_and_in_one_word(line: str, units: Units, tmp_path: Path) -> None:
+    assert load_project(project_with(tmp_path, line), unfinished=True).units == units
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("units: yards", "must be metric, imperial, or such as"),
+        ("units: US survey feet", "write ft, the international foot of 0.3048 m"),
+        ("units: {length: inch}", "must be m, ft or ft-in"),
+        ("units: {width: m}", "unknown key 'width'"),
+        ("units: {speed: knots}", "must be km/h, mph or m/s"),
+    ],
+)
+def test_other_units_are_refused_with_a_way_out(line: str, why: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=why) as refused:
+        load_project(project_with(tmp_path, line), unfinished=True)
+
+    assert ":4: units" in str(refused.value)
