@@ -18,9 +18,9 @@ import pytest
 
 from uavgram.estimation.survey.adjustment import Removal
 from uavgram.estimation.survey.observations.kinds import KINDS
-from uavgram.model.catalogue.entry import Effect
-from uavgram.model.catalogue.lookup import CATALOGUE, SUBJECTS
 from uavgram.model.flight_log import FaultKind
+from uavgram.model.message_catalogue.entry import Effect
+from uavgram.model.message_catalogue.lookup import CATALOGUE, SUBJECTS
 from uavgram.views.explanations import messages_page
 
 KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}

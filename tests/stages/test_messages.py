@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Correction, Message, MessagePlural, Remedy
+from uavgram.model.message_catalogue.lookup import CATALOGUE
 from uavgram.model.survey import Cause
 from uavgram.stages.messages import MAX_LISTED, downgrade_explained, order_messages
 

@@ -15,7 +15,7 @@ from scipy.special import ndtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.propagation import compute_values, propagate
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import refit
+from uavgram.estimation.survey.readjustment import refit
 from uavgram.model.arrays import Bools
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural

@@ -7,8 +7,8 @@ import textwrap
 from difflib import get_close_matches
 
 from uavgram.errors import UavgramError, alike
-from uavgram.model.catalogue.entry import Effect, Entry
-from uavgram.model.catalogue.lookup import CATALOGUE, SUBJECTS
+from uavgram.model.message_catalogue.entry import Effect, Entry
+from uavgram.model.message_catalogue.lookup import CATALOGUE, SUBJECTS
 
 TERMINAL_COLUMNS, PAGE_COLUMNS = 79, 118
 MAX_SUGGESTED = 4
@@ -28,7 +28,7 @@ INTRODUCTION = (
     "and as data, and `instead` the alternatives that fit as well. The picking page shows them "
     "as buttons. In messages, *w* is the misfit of a reading in its own standard deviations, and "
     "*sigma* is a standard deviation.",
-    "This page is generated from the catalogue in `uavgram/model/catalogue/`: "
+    "This page is generated from the catalogue in `uavgram/model/message_catalogue/`: "
     "`uavgram explain --markdown > docs/messages.md`.",
 )
 """Paragraphs before the index of docs/messages.md."""

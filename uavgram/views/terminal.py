@@ -7,9 +7,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.frames import Frames, GeoTags, Pairing, Photos
 from uavgram.model.message import Message
+from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.model.naming import METRIC, Units, counted, listed
 from uavgram.model.result.result import Result
 from uavgram.stages.match import Matches, Pair

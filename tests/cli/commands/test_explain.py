@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from small_projects import Command
 
-from uavgram.model.catalogue.lookup import CATALOGUE
+from uavgram.model.message_catalogue.lookup import CATALOGUE
 
 
 def test_an_entry_states_finding_effect_and_action(command: Command) -> None:

@@ -26,8 +26,8 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import refit
 from uavgram.estimation.survey.observations.kinds import READINGS
+from uavgram.estimation.survey.readjustment import refit
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import refit
+from uavgram.estimation.survey.readjustment import refit
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.simulation import PhotoDesign, PhotoDraws

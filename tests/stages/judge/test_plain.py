@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from uavgram.model.catalogue.entry import Effect
-from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Message
+from uavgram.model.message_catalogue.entry import Effect
+from uavgram.model.message_catalogue.lookup import CATALOGUE
 from uavgram.stages.judge.verdict import get_plain_sentence
 
 REASONS = [one.code for one in CATALOGUE.values() if one.effect is not Effect.NONE]

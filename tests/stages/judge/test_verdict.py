@@ -14,9 +14,9 @@ from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.reliability.external import MAX_ERROR_SIGMAS, UNDETECTED_SIGMAS
 from uavgram.estimation.survey.selection import select_control
 from uavgram.model.arrays import Ints
-from uavgram.model.catalogue.entry import Effect
-from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Message, Remedy
+from uavgram.model.message_catalogue.entry import Effect
+from uavgram.model.message_catalogue.lookup import CATALOGUE
 from uavgram.model.observations import KnownLines, KnownWorldPoints, MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import MeasurementStatus, Noise, PickNoise, Verdict

@@ -32,13 +32,13 @@ from uavgram.estimation.measuring.propagation import (
     compute_values_of_request,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import Functionals, readjust_moved, readjust_moved_fully
 from uavgram.estimation.survey.neighbours import (
     Neighbourhood,
     find_neighbourhood,
     is_small,
     split_into_groups,
 )
+from uavgram.estimation.survey.readjustment import Functionals, readjust_moved, readjust_moved_fully
 from uavgram.estimation.survey.unknowns import advance_state
 from uavgram.estimation.survey.unknowns import select_states as some_of
 from uavgram.model.arrays import Floats, Ints

@@ -16,7 +16,7 @@ from ezdxf.document import Drawing
 from ezdxf.filemanagement import new
 
 from uavgram.geometry.geodesy import map_scale, projected_from_enu
-from uavgram.io.exports.dxf_sheets import (
+from uavgram.io.exports.dxf_layers import (
     ALIGNED,
     LABELS,
     LAYERS,

@@ -12,9 +12,9 @@ from uavgram.errors import UavgramError
 from uavgram.geometry.camera.properties import compute_camera_properties
 from uavgram.imaging.photos.tiles import level_count
 from uavgram.model.camera import Calibration, CameraProvenance
-from uavgram.model.catalogue.cameras import CAMERA
-from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import Message
+from uavgram.model.message_catalogue.cameras import CAMERA
+from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_places import number
 from uavgram.picking.protocol.encode_survey import messages_json

@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
-from uavgram.io.exports.dxf_sheets import NumberFormat
+from uavgram.io.exports.dxf_layers import NumberFormat
 from uavgram.io.exports.geotiff import add_opacity, write_turned_picture
 from uavgram.io.exports.gis import GROUND, write_geopackage, write_qgis_project
 from uavgram.io.exports.measurements_csv import write_measurements_csv, write_profiles_csv

@@ -65,7 +65,7 @@ def write_outputs(
     if pdf is not None:
         writers["report.pdf"] = lambda path: write_pdf(result, path, pdf)
     if plan is not None:
-        from uavgram.pipeline.measure.plan import write_plan  # noqa: PLC0415 - loads matplotlib
+        from uavgram.pipeline.measure.site_plan import write_plan  # noqa: PLC0415 - loads matplotlib
 
         writers[PLAN_PDF] = lambda path: write_plan(result, plan, path.parent)
     for name, write in progress(writers.items(), "writing", len(writers)):

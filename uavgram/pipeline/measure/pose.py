@@ -52,7 +52,7 @@ from uavgram.stages.seed.photo_exposures import (
 )
 from uavgram.stages.seed.track import build_track, find_home, gather_evidence
 from uavgram.stages.synchronise import Synchronised, synchronise
-from uavgram.stages.synchronise.matching import poses_of
+from uavgram.stages.synchronise.photo_times import poses_of
 
 ABOVE_GROUND_SIGMA_M = 40.0
 """Sigma of `ABOVE_GROUND_M`."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.catalogue.entry import Effect
-from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import SUBJECTS, Message
+from uavgram.model.message_catalogue.entry import Effect
+from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.model.naming import listed, listed_photos
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.tables import MeasurementResults

@@ -1,6 +1,6 @@
 """report.html for readers, report-annex.html for specialists: self-contained, also on paper."""
 
-from uavgram.views.report.brief import ground_extent
+from uavgram.views.report.first_page import ground_extent
 from uavgram.views.report.page import (
     annex_of,
     check_pdf,

@@ -43,13 +43,8 @@ from uavgram.views.formatting import (
 )
 from uavgram.views.pages import PAPER_SIZES, page, page_pdf, units_shown, weasyprint_for
 from uavgram.views.report.annex import lay_out_annex
-from uavgram.views.report.brief import (
-    MAX_REASONS,
-    Brief,
-    lay_out_brief,
-    report_plan,
-)
 from uavgram.views.report.checks import checks_summary, draw_gauge, known_table
+from uavgram.views.report.first_page import MAX_REASONS, Brief, lay_out_brief, report_plan
 from uavgram.views.report.measurements import (
     MAX_ROWS,
     WORDS,

@@ -5,13 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from uavgram.model.catalogue.cameras import CALIBRATION, CAMERA
-from uavgram.model.catalogue.entry import Entry, Subject
-from uavgram.model.catalogue.left_out import EXCLUDED, UNUSED
-from uavgram.model.catalogue.misfits import FOUND_CAUSES, MISFITS
-from uavgram.model.catalogue.photos import FLIGHT_LOG, POSES, TIMES
-from uavgram.model.catalogue.projects import IMPORTS, NEW_PROJECT, PLANNING, PRODUCTS, TARGETS, TIES
-from uavgram.model.catalogue.trust import GROUND, TRUST
+from uavgram.model.message_catalogue.cameras import CALIBRATION, CAMERA
+from uavgram.model.message_catalogue.entry import Entry, Subject
+from uavgram.model.message_catalogue.left_out import EXCLUDED, UNUSED
+from uavgram.model.message_catalogue.misfits import FOUND_CAUSES, MISFITS
+from uavgram.model.message_catalogue.photos import FLIGHT_LOG, POSES, TIMES
+from uavgram.model.message_catalogue.projects import (
+    IMPORTS,
+    NEW_PROJECT,
+    PLANNING,
+    PRODUCTS,
+    TARGETS,
+    TIES,
+)
+from uavgram.model.message_catalogue.trust import GROUND, TRUST
 
 SUBJECTS = (
     Subject(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.catalogue.entry import NOTE, WARNING, Entry
+from uavgram.model.message_catalogue.entry import NOTE, WARNING, Entry
 
 NEW_PROJECT = (
     Entry(

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from raised_survey import PROFILE, raised
 
 from uavgram.io.exports.dxf import write_local_dxf
-from uavgram.io.exports.dxf_sheets import count_decimals, spread_places
+from uavgram.io.exports.dxf_layers import count_decimals, spread_places
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import ProfileSheet
 from uavgram.model.result.result import Result

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.catalogue.entry import ERROR, NOTE, WARNING, Effect, Entry
+from uavgram.model.message_catalogue.entry import ERROR, NOTE, WARNING, Effect, Entry
 
 CAMERA = (
     Entry(

@@ -12,11 +12,11 @@ from taped_scenes import read_on_tapes
 from uavgram.estimation.measuring.propagation import compute_values, propagate
 from uavgram.estimation.measuring.second_order import MOVE_SIGMAS, compute_curvature
 from uavgram.estimation.solver.normal_equations import Block, compute_gradient
-from uavgram.estimation.survey import moved as of_moved
 from uavgram.estimation.survey import neighbours as of_near
+from uavgram.estimation.survey import readjustment
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import Functionals, add_errors, readjust_moved, refit
 from uavgram.estimation.survey.neighbours import find_neighbourhood, split_into_groups
+from uavgram.estimation.survey.readjustment import Functionals, add_errors, readjust_moved, refit
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.observations import MeasurementRequest
@@ -48,12 +48,12 @@ def moved_by(block: Block, step: Floats) -> Floats:
 
 
 @pytest.mark.parametrize(
-    "straight", [0.0, of_moved.MAX_NONLINEARITY_AT_END], ids=["mixed", "one step"]
+    "straight", [0.0, readjustment.MAX_NONLINEARITY_AT_END], ids=["mixed", "one step"]
 )
 def test_values_of_moved_observations_are_those_of_the_survey_adjusted_anew(
     adjustment: Adjustment, straight: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_moved, "MAX_NONLINEARITY_AT_END", straight)
+    monkeypatch.setattr(readjustment, "MAX_NONLINEARITY_AT_END", straight)
     requests = distances(adjustment.survey, 4)
     measured = propagate(adjustment, requests, NO_TIMES)
     near = find_neighbourhood(adjustment, np.arange(4))
@@ -81,7 +81,7 @@ def test_what_the_last_step_leaves_is_told(
     adjustment: Adjustment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a step of twelve sigmas alone: by how much the next one would move each value."""
-    monkeypatch.setattr(of_moved, "MAX_NONLINEARITY_AT_END", np.inf)
+    monkeypatch.setattr(readjustment, "MAX_NONLINEARITY_AT_END", np.inf)
     requests = distances(adjustment.survey, 4)
     measured = propagate(adjustment, requests, NO_TIMES)
     sigma, size = measured.sigma, adjustment.problem.layout.size

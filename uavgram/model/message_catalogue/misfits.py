@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.catalogue.entry import NOTE, WARNING, Effect, Entry, Order
+from uavgram.model.message_catalogue.entry import NOTE, WARNING, Effect, Entry, Order
 
 MISFITS = (
     Entry(

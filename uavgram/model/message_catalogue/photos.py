@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from uavgram.model.catalogue.entry import NOTE, WARNING, WARNING_OR_NOTE, Effect, Entry, Order
+from uavgram.model.message_catalogue.entry import (
+    NOTE,
+    WARNING,
+    WARNING_OR_NOTE,
+    Effect,
+    Entry,
+    Order,
+)
 
 TIMES = (
     Entry(

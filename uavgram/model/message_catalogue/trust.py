@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.catalogue.entry import (
+from uavgram.model.message_catalogue.entry import (
     ERROR,
     NOTE,
     WARNING,
