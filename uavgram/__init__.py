@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from uavgram.model.result.result import Result
     from uavgram.pipeline.measure.run import run
     from uavgram.views import plots
-    from uavgram.views.notebook import to_pandas
+    from uavgram.views.data_frames import to_pandas
 
 __all__ = ["Result", "UavgramError", "load_results", "plots", "run", "to_pandas"]
 
@@ -34,7 +34,7 @@ _HOME = {
     "load_results": "uavgram.io.results.results_json",
     "plots": "uavgram.views",
     "run": "uavgram.pipeline.measure.run",
-    "to_pandas": "uavgram.views.notebook",
+    "to_pandas": "uavgram.views.data_frames",
 }
 
 

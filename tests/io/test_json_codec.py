@@ -20,7 +20,7 @@ from uavgram.io.results.schema import row_schema
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.naming import Column
 from uavgram.picking.storage.journal import JournalContent, load_journal
-from uavgram.views.notebook import columns
+from uavgram.views.data_frames import columns
 
 DEEP = "[" * 200_000 + "]" * 200_000
 LONG = "9" * 5000

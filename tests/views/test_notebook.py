@@ -24,8 +24,9 @@ import uavgram
 from uavgram.io.results.results_json import dump_results
 from uavgram.model.result.reliability import Effects, Evidence, PriorResults, WeakestLinks
 from uavgram.model.result.result import Result
+from uavgram.views.data_frames import TableName
 from uavgram.views.formatting import measurement_text
-from uavgram.views.notebook import TableName, result_html
+from uavgram.views.notebook import result_html
 from uavgram.views.survey.verdict import verdict_sentence
 from uavgram.views.units import units_of
 
