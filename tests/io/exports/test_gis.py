@@ -111,6 +111,15 @@ def test_a_layer_without_shapes_is_left_out(features: Features, tmp_path: Path) 
     assert {str(name) for name, _ in list_layers(path)} == {one.name for one in others if len(one)}
 
 
+def test_a_path_of_any_length_does(features: Features, path: Path, tmp_path: Path) -> None:
+    deep = tmp_path.joinpath(*["long" * 30] * 5)
+    deep.mkdir(parents=True)
+    write_geopackage(features, deep / "survey.gpkg")
+
+    assert len(str(deep)) > 512
+    assert (deep / "survey.gpkg").read_bytes()[:16] == path.read_bytes()[:16]
+
+
 def test_older_programs_can_read_it_and_it_says_what_heights_are_above(path: Path) -> None:
     with closing(sqlite3.connect(path)) as file:
         (version,) = file.execute("PRAGMA user_version").fetchone()

@@ -101,6 +101,15 @@ def test_what_is_no_photo_is_refused_by_name(tmp_path: Path, content: bytes) -> 
     assert caught.value.path == str(path)
 
 
+@pytest.mark.parametrize("folder", ["Faelle", "Fälle"])
+def test_an_empty_photo_is_none_in_any_folder(folder: str, tmp_path: Path) -> None:
+    path = tmp_path / folder / "DJI_0001.JPG"
+    path.parent.mkdir()
+    path.touch()
+    with pytest.raises(InputError, match="no photo that can be read: take it out of the folder"):
+        read_image_size(path)
+
+
 def test_file_name_times_have_hundredths_in_cuav(data_dir: Path) -> None:
     photos, messages = read_photos((str(data_dir / "cuav" / "photos" / "*.jpg"),), FILENAME)
     assert photos.frame_id[0] == "2018080501005009Z.jpg"

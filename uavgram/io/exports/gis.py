@@ -395,24 +395,27 @@ def write_geopackage(
         omitted, there is no such column.
     """
     features = replace(features, layers=tuple(layer for layer in features.layers if len(layer)))
-    with closing(sqlite3.connect(path)) as file, file:
-        file.executescript(_CORE)
-        file.executemany(
-            "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, '')", _everywhere()
-        )
-        system = _system_of(features.crs)
-        file.execute(
-            "INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, '')", system
-        )
-        for layer in features.layers:
-            attributes = layer.attributes | _texts(layer, words)
-            shapes = _on_map(features, layer)
-            _write_layer(file, layer, shapes, attributes, system.srs_id)
-            file.execute(
-                "UPDATE gpkg_contents SET description = ? WHERE table_name = ?",
-                (_heights(features), layer.name),
+    # In memory: SQLite itself opens no path of more than 512 bytes.
+    with closing(sqlite3.connect(":memory:")) as file:
+        with file:
+            file.executescript(_CORE)
+            file.executemany(
+                "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, '')", _everywhere()
             )
-        _write_styles(file, features, looks)
+            system = _system_of(features.crs)
+            file.execute(
+                "INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, '')", system
+            )
+            for layer in features.layers:
+                attributes = layer.attributes | _texts(layer, words)
+                shapes = _on_map(features, layer)
+                _write_layer(file, layer, shapes, attributes, system.srs_id)
+                file.execute(
+                    "UPDATE gpkg_contents SET description = ? WHERE table_name = ?",
+                    (_heights(features), layer.name),
+                )
+            _write_styles(file, features, looks)
+        path.write_bytes(file.serialize())
 
 
 class _System(NamedTuple):

@@ -30,6 +30,7 @@ START = b"\xff\xd8"
 EXIF_HEAD = b"Exif\x00\x00"
 XMP_HEAD = b"http://ns.adobe.com/xap/1.0/\x00"
 LARGEST_SEGMENT = 65533
+TAKE_OUT = "take it out of the folder, or out of `images`"
 _ALONE = {0x01, *range(0xD0, 0xD9)}  # TEM, RSTn, SOI: no length follows
 
 
@@ -125,7 +126,7 @@ def read_exif_tags(path: str | Path) -> dict[str, Any]:
         The file cannot be read, has a format without a reader, or its EXIF is broken.
     """
     if what := no_file(path):
-        raise InputError(path, f"is {what}: take it out of `images`")
+        raise InputError(path, f"is {what}: {TAKE_OUT}")
     refuse_unread(path)
     _here.is_reading = True
     try:
@@ -368,7 +369,7 @@ def read_image_size(path: str | Path) -> tuple[int, int]:
         The file is missing, truncated, of an unsupported format, or not a photo.
     """
     if what := no_file(path):
-        raise InputError(path, f"is {what}: take it out of `images`")
+        raise InputError(path, f"is {what}: {TAKE_OUT}")
     refuse_unread(path)
     is_whole = True
     try:
@@ -386,12 +387,12 @@ def read_image_size(path: str | Path) -> tuple[int, int]:
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     if size is None or min(size) <= 0:
-        raise InputError(path, "is no photo that can be read; take it out of `images`")
+        raise InputError(path, f"is no photo that can be read: {TAKE_OUT}")
     if not is_whole:
         raise InputError(
             path,
             "is cut off, the end of the picture is missing: copy it from the camera once more, or "
-            "take it out of `images`",
+            f"{TAKE_OUT}",
         )
     return int(size[0]), int(size[1])
 
@@ -420,9 +421,10 @@ def _decoded_size(path: str | Path) -> tuple[int, int] | None:
     if str(path).isascii() and not cv2.haveImageReader(str(path)):
         return None
     # Decode the content, as OpenCV finds no file with an umlaut in its name on Windows.
-    image = cv2.imdecode(
-        np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-    )
+    content = np.fromfile(path, np.uint8)
+    if not len(content):
+        return None
+    image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
         return None
     return image.shape[1], image.shape[0]
