@@ -24,7 +24,7 @@ from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.messages import order_messages
-from uavgram.stages.refine import refine, robust
+from uavgram.stages.refine import gross_errors, refine
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
 from uavgram.stages.refine.tie_outliers import CheckedTies, remove_wrong_ties
@@ -86,7 +86,7 @@ def test_on_flat_ground_nothing_is_found_and_nothing_is_searched(
     def fail(*_: object) -> None:
         pytest.fail("a search where all fits")
 
-    monkeypatch.setattr(robust, "_most_agreed", fail)
+    monkeypatch.setattr(gross_errors, "_most_agreed", fail)
     for seed in range(3):
         assert not refined_of(make_scene(seed, **SCENE).survey)[0].off_ground
 

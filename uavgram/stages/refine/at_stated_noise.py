@@ -19,9 +19,9 @@ from uavgram.stages.refine.causes.hypothesis import Diagnosis
 from uavgram.stages.refine.causes.identification import IdentifiedCauses, identify_causes
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
+from uavgram.stages.refine.gross_errors import Robust, adjust_robustly, is_log_left_out
 from uavgram.stages.refine.minima import FULL, Participants, adjust_on_trial, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
-from uavgram.stages.refine.robust import Robust, adjust_robustly, is_log_left_out
 
 TAKEN_INTO_ACCOUNT = "The results take it into account."
 

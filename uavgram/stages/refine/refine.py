@@ -3,12 +3,12 @@
 The steps of `refine`:
 
 1. Test tie points and matches against each other (`tie_outliers.py`).
-2. Adjust at the stated noise: remove gross errors by a robust adjustment (`robust.py`), and look
-   for their causes (`causes/`).
+2. Adjust at the stated noise: remove gross errors by a robust adjustment (`gross_errors.py`), and
+   look for their causes (`causes/`).
 3. With ``outliers: remove``: correct the causes, such as swapped labels, and adjust again.
 4. With ``noise: estimate``: learn the noise from the residuals (`noise.py`).
 5. Remove further outliers at the learnt noise: with ``remove`` by data snooping
-   (`data_snooping.py`), with ``report`` by a second robust adjustment.
+   (`blunder_removal.py`), with ``report`` by a second robust adjustment.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise, find_participants
+from uavgram.stages.refine.blunder_removal import MAX_REMOVED_SHARE, find_blunder
 from uavgram.stages.refine.causes.common_length_errors import report_possible_errors
 from uavgram.stages.refine.causes.correction import apply_corrections
 from uavgram.stages.refine.causes.mirrored_photos import find_mirrored_solution, report_undecided
-from uavgram.stages.refine.data_snooping import MAX_REMOVED_SHARE, find_blunder
+from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.left_out import add_records, report_poses_left_out
 from uavgram.stages.refine.minima import find_best_minima
 from uavgram.stages.refine.noise import estimate_noise, report_noise
@@ -38,7 +39,6 @@ from uavgram.stages.refine.remarks import (
     report_refinement,
     too_many_message,
 )
-from uavgram.stages.refine.robust import adjust_robustly
 from uavgram.stages.refine.rolling_shutter import add_motion_by_photos, correct_readout
 from uavgram.stages.refine.tie_outliers import (
     add_noise_of_ties,

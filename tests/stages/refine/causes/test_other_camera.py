@@ -16,8 +16,8 @@ from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.other_camera import MIN_DIFFERENCE, propose_other_zoom
+from uavgram.stages.refine.gross_errors import MISPLACED
 from uavgram.stages.refine.minima import Participants, find_best_minima
-from uavgram.stages.refine.robust import MISPLACED
 
 OPTIONS: dict[str, Any] = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
 EXACT: dict[str, Any] = OPTIONS | {"noise": 0.1}

@@ -16,8 +16,8 @@ from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes
 from uavgram.stages.refine.causes.turned_photos import propose_turned_photos
+from uavgram.stages.refine.gross_errors import MISPLACED
 from uavgram.stages.refine.minima import Participants, find_best_minima
-from uavgram.stages.refine.robust import MISPLACED
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
 WIDTH, HEIGHT = 2000, 1500

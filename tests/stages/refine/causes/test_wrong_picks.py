@@ -15,8 +15,8 @@ from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes
 from uavgram.stages.refine.causes.wrong_heights import propose_heights
+from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import Participants, find_best_minima
-from uavgram.stages.refine.robust import adjust_robustly
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
 

@@ -25,7 +25,7 @@ from uavgram.model.survey import Cause, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.label_assignment import assign_labels
 from uavgram.stages.refine.causes.stray_picks import labels_of
-from uavgram.stages.refine.robust import EITHER
+from uavgram.stages.refine.gross_errors import EITHER
 
 MAX_PHOTOS = 12
 """Largest number of left-out photos that are examined."""

@@ -3,7 +3,7 @@
 How many surveys each kind of gross error gets fits the time that every run of the tests may take;
 the environment raises it:
 
-    UAVGRAM_REPETITIONS=20 pytest tests/stages/refine/test_robust.py
+    UAVGRAM_REPETITIONS=20 pytest tests/stages/refine/test_gross_errors.py
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import Survey
-from uavgram.stages.refine import annealing, robust
-from uavgram.stages.refine.annealing import NEARLY_NONE
+from uavgram.stages.refine import gross_errors, robust_adjustment
+from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import Participants, find_best_minima
-from uavgram.stages.refine.robust import adjust_robustly
+from uavgram.stages.refine.robust_adjustment import NEARLY_NONE
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
 SURVEYS, OF_PHOTOS = max(4, AT_LEAST), max(1, AT_LEAST)
@@ -102,8 +102,8 @@ def test_the_misfit_is_that_against_the_prediction_of_all_others(kind: str, weig
     for row in (0, 2):
         own = np.ones(len(whole[kind].residual))
         own[row] = weight
-        minimum = annealing.weighted_minimum(problem, start, {kind: own})
-        found = annealing.squared_misfits(problem, minimum, {kind: own})[kind][row]
+        minimum = robust_adjustment.weighted_minimum(problem, start, {kind: own})
+        found = robust_adjustment.squared_misfits(problem, minimum, {kind: own})[kind][row]
 
         unknowns = problem.layout.size
         full = problem.evaluate(minimum.state)
@@ -168,7 +168,7 @@ class Counted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ordinary, self.weighted = 0, 0
-        adjust, weigh = find_best_minima, annealing.weighted_minimum
+        adjust, weigh = find_best_minima, robust_adjustment.weighted_minimum
 
         def best(taking: Participants) -> Refined:
             self.ordinary += 1
@@ -183,9 +183,9 @@ class Counted:
             self.weighted += 1
             return weigh(problem, state, weight, softness)
 
-        monkeypatch.setattr(robust, "find_best_minima", best)
-        monkeypatch.setattr(robust, "weighted_minimum", weighted)
-        monkeypatch.setattr(annealing, "weighted_minimum", weighted)
+        monkeypatch.setattr(gross_errors, "find_best_minima", best)
+        monkeypatch.setattr(gross_errors, "weighted_minimum", weighted)
+        monkeypatch.setattr(robust_adjustment, "weighted_minimum", weighted)
 
 
 @BOTH
@@ -226,7 +226,9 @@ def test_one_gross_error_costs_four_adjustments_and_those_of_two_starts(
     counted = Counted(monkeypatch)
     adjust_robustly(taking)
     assert counted.ordinary <= 4
-    assert counted.weighted <= len(annealing.SCHEDULE) + 1 + 2 * annealing.MOST_ROUNDS
+    assert (
+        counted.weighted <= len(robust_adjustment.SCHEDULE) + 1 + 2 * robust_adjustment.MOST_ROUNDS
+    )
 
 
 # --- more than first values can bear ------------------------------------------------------------
@@ -264,8 +266,8 @@ def test_labels_swapped_in_a_photo_that_misleads_all_first_values_leave_alone(
     """The photo returns by those of its picks that agree on a pose."""
     scene = make_scene(3, **BASES[base])
     survey, wrong = swapped_in_one_photo(scene)
-    monkeypatch.setattr(robust, "_from_softened", lambda _: iter(()))
-    monkeypatch.setattr(robust, "_without_references", lambda *_: iter(()))
+    monkeypatch.setattr(gross_errors, "_from_softened", lambda _: iter(()))
+    monkeypatch.setattr(gross_errors, "_without_references", lambda *_: iter(()))
     found = adjust_robustly(all_of(survey))
 
     assert frozenset(found.refined.pick_reason) == wrong
@@ -323,7 +325,7 @@ def test_of_two_photos_that_fit_alone_neither_is_accused(base: str) -> None:
 
     left = list(found.refined.pick_reason)
     assert len(np.unique(survey.pick_frame[left])) == 1
-    assert set(found.refined.pick_reason.values()) == {robust.EITHER}
+    assert set(found.refined.pick_reason.values()) == {gross_errors.EITHER}
     assert not found.refined.line_removed.any()
 
 
@@ -343,8 +345,8 @@ def test_what_takes_no_part_is_no_cheaper_because_it_agrees(
 ) -> None:
     """Neighbours of a gross error that are not given time to come back have their price."""
     adjusted = with_all(survey_with("length by 2 m", LOG, 1)[1].survey).adjustment
-    monkeypatch.setattr(annealing, "MOST_ROUNDS", 1)
-    found = annealing.decide(adjusted.problem, adjusted.minimum, {})
+    monkeypatch.setattr(robust_adjustment, "MOST_ROUNDS", 1)
+    found = robust_adjustment.decide(adjusted.problem, adjusted.minimum, {})
     left = sum(len(found.gross(name)) for name in found.misfit)
 
     assert left > 1

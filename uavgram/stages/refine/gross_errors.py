@@ -1,8 +1,9 @@
 """Remove gross errors from a survey by one robust adjustment over every kind of observation.
 
 1. `adjust_robustly` keeps an ordinary adjustment that fits (`_is_in_order`).
-2. Otherwise robust adjustments (`annealing.py`) begin from several first values: with enlarged
-   sigmas, then without single lengths, known things or photos (`_most_agreed`).
+2. Otherwise robust adjustments (`robust_adjustment.py`) begin from several first values: with
+   enlarged sigmas, then without single lengths, known things or photos, or the log
+   (`_most_agreed`).
 3. The candidate of least cost decides which observations are gross errors.
 4. The remaining observations are adjusted as usual (`_adjusted_without`), and the removed ones are
    reported.
@@ -45,17 +46,6 @@ from uavgram.model.frames import TelemetryPrior
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey import Ground, Survey
-from uavgram.stages.refine.annealing import (
-    LEAST_REDUNDANCY,
-    NEARLY_NONE,
-    ROBUST,
-    SCHEDULE,
-    Annealed,
-    anneal,
-    decide,
-    squared_misfits,
-    weighted_minimum,
-)
 from uavgram.stages.refine.left_out import (
     report_control_left_out,
     report_heights_left_out,
@@ -70,6 +60,17 @@ from uavgram.stages.refine.minima import (
 )
 from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.readjustment import convert_state
+from uavgram.stages.refine.robust_adjustment import (
+    LEAST_REDUNDANCY,
+    NEARLY_NONE,
+    ROBUST,
+    SCHEDULE,
+    Annealed,
+    anneal,
+    decide,
+    squared_misfits,
+    weighted_minimum,
+)
 
 ORDINARY_SIGMAS = 5.0
 """Standardised misfit up to which an ordinary adjustment is accepted without a robust one."""
@@ -423,6 +424,11 @@ class Candidate:
         is_left = (len(self.annealed.gross(name)) < len(misfit[name]) for name in references)
         return survey.telemetry is not None or not references or any(is_left)
 
+    def gives_up_log(self) -> bool:
+        """Return whether half of the log's poses, or more, are gross errors."""
+        misfit = self.annealed.misfit.get("telemetry", np.zeros(0))
+        return len(misfit) > 0 and 2 * len(self.annealed.gross("telemetry")) >= len(misfit)
+
     def checks_lengths(self) -> bool:
         """Return whether other observations check every length."""
         return bool(self.annealed.misfit.get("lengths", np.ones(1)).all())
@@ -556,12 +562,18 @@ def _without_the_log(taking: Participants, found: Sequence[Candidate]) -> Iterat
         Candidates so far, that of least cost first.
     """
     prior = taking.survey.telemetry
-    if prior is None or (found and found[0].explains()) or taking.line_removed.all():
+    if prior is None or (found and found[0].explains()) or not _has_scale(taking):
         return
     whole = _unsoftened(taking)
     names = (taking.survey.frame_id[k] for k in prior.frame_index.tolist())
     without = replace(whole, pose_widened=dict.fromkeys(names, NO_LOG))
     yield from _from_reduced(without, whole, taking)
+
+
+def _has_scale(taking: Participants) -> bool:
+    """Return whether lengths, known things or control give a scale without the log."""
+    survey = taking.survey
+    return bool((~taking.line_removed).any() or survey.known or len(survey.control_label))
 
 
 def _without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -671,11 +683,20 @@ def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Cand
     """Sort candidates by their cost for all participating picks, that of least cost first.
 
     Candidates with photos that contradict the rest come last: without these photos the other
-    observations may show something else. Those without a scale are none: a scene of no size has no
-    misfit on the ground.
+    observations may show something else. The log as a whole is given up where nothing else
+    explains everything. Candidates without a scale are none: a scene of no size has no misfit on
+    the ground.
     """
-    scaled = (one for one in candidates if one.has_scale())
-    return sorted(scaled, key=lambda one: (len(one.misplaced) > 0, one.cost(taking)))
+    scaled = [one for one in candidates if one.has_scale()]
+    log_may_be_right = any(one.explains() and not one.gives_up_log() for one in scaled)
+    return sorted(
+        scaled,
+        key=lambda one: (
+            len(one.misplaced) > 0,
+            log_may_be_right and one.gives_up_log(),
+            one.cost(taking),
+        ),
+    )
 
 
 def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
