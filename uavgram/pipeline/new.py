@@ -33,6 +33,7 @@ from uavgram.io.tables.updates import (
 )
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
 from uavgram.pipeline.cameras import assume_photo_camera, read_camera
 from uavgram.pipeline.check import find_missing_inputs
@@ -169,6 +170,24 @@ def pattern_of(folder: Path, group: PhotoGroup) -> str:
     inside = group.folder.relative_to(folder).as_posix()
     start = "" if inside == "." else f"{glob.escape(inside)}/"
     return f"{start}*{group.suffix}"
+
+
+def _name_photos(
+    folder: Path, groups: Sequence[PhotoGroup], patterns: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the patterns of photos; or their names, if the patterns match other files, too.
+
+    Such files may be damaged photos, which are passed over.
+    """
+    wanted = {path for group in groups for path in group.files}
+    every = {
+        path
+        for pattern in patterns
+        for path in find_matching_files(make_absolute(folder, pattern), "correct --images")
+    }
+    if every == wanted:
+        return tuple(patterns)
+    return tuple(glob.escape(_relative(folder, path)) for path in sorted(wanted))
 
 
 def make_absolute(folder: Path, pattern: str) -> str:
@@ -309,10 +328,10 @@ def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[
         if usual in candidates:
             candidates = (usual,)
         if len(candidates) > 1:
-            listed = ", ".join(_relative(folder, path) for path in candidates)
+            names_of = ", ".join(_relative(folder, path) for path in candidates)
             raise InputError(
                 folder,
-                f"holds {len(candidates)} {what}: {listed}; call the one to use {usual.name}, in "
+                f"holds {len(candidates)} {what}: {names_of}; call the one to use {usual.name}, in "
                 "the folder itself",
             )
         if candidates:
@@ -399,12 +418,13 @@ def _describe_project(folder: Path, choices: Choices, notes: Notes) -> tuple[Pro
     """Return the content of the project file, with poses only attempted; and the photos."""
     holdings = search_folder(folder)
     groups = choose_photos(folder, holdings, choices)
-    images = choices.images or tuple(pattern_of(folder, group) for group in groups)
+    patterns = choices.images or [pattern_of(folder, group) for group in groups]
+    images = _name_photos(folder, groups, patterns)
     photos, _ = read_photos(tuple(make_absolute(folder, image) for image in images), TimeOptions())
     width, height = groups[0].size_px
-    count, listed = len(photos.frame_id), ", ".join(images)
+    count, names = len(photos.frame_id), listed(images)
     what = "photo" if count == 1 else "photos"
-    notes.found.append(f"{count} {what} of {width} x {height} px: {listed}")
+    notes.found.append(f"{count} {what} of {width} x {height} px: {names}")
     camera = choose_camera(folder, holdings.cameras, choices.camera, photos, notes)
     log = None
     if choices.log != "none":

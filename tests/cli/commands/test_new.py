@@ -275,6 +275,20 @@ def test_a_camera_can_be_chosen_and_one_of_another_size_is_passed_over(
     assert Path(load_project(folder / "project.yaml").camera).name == "camera.yaml"
 
 
+@pytest.mark.parametrize("images", [[], ["--images", "photos/*.jpg"]])
+def test_a_damaged_photo_among_others_is_passed_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], images: list[str]
+) -> None:
+    folder = bare(tmp_path / "flight")
+    whole = sorted((folder / "photos").glob("*.jpg"))
+    (folder / "photos" / "P0.jpg").touch()
+    (folder / "photos" / "Q[1].jpg").write_bytes(whole[0].read_bytes()[:300])
+    assert main(["new", str(folder), *images]) == 0
+    assert "2 x *.jpg" in capsys.readouterr().out
+    named = load_project(folder / "project.yaml").images
+    assert sorted(Path(name).name for name in named) == [path.name for path in whole]
+
+
 def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path: Path) -> None:
     folder = bare(tmp_path / "flight")
     (folder / "install.log").write_text("nothing flew here\n", encoding="utf-8")
