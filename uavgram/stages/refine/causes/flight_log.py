@@ -533,8 +533,8 @@ def _camera_message(found: HypothesisTest | None) -> Message:
         "warning",
         "gimbal-off",
         f"The camera is turned by {np.linalg.norm(angle):.0f} degrees from the direction by mount "
-        "and gimbal: check how the camera hung (`mount` in the project), and whether the log has the angles of the "
-        f"gimbal that carried the camera{angles}.",
+        "and gimbal: check how the camera hung (`mount` in the project), and whether the log has "
+        f"the angles of the gimbal that carried the camera{angles}.",
     )
 
 
