@@ -21,7 +21,13 @@ from uavgram.input_files import describe_files
 from uavgram.io.files import find_matching_files
 from uavgram.io.folders import FolderContents, PhotoGroup, TableRole, group_photos, search_folder
 from uavgram.io.outputs import replace_text
-from uavgram.io.photos.catalogue import PASSED_OVER, name_format, read_photos
+from uavgram.io.photos.catalogue import (
+    PASSED_OVER,
+    find_photos,
+    name_format,
+    read_photos,
+    separate_unread,
+)
 from uavgram.io.photos.metadata import read_image_size
 from uavgram.io.photos.pose_sources import FROM_PHOTOS
 from uavgram.io.tables.updates import (
@@ -175,17 +181,11 @@ def pattern_of(folder: Path, group: PhotoGroup) -> str:
 def _name_photos(
     folder: Path, groups: Sequence[PhotoGroup], patterns: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the patterns of photos; or their names, if the patterns match other files, too.
-
-    Such files may be damaged photos, which are passed over.
-    """
+    """Return the patterns of photos; or their names, if the patterns match damaged photos, too."""
     wanted = {path for group in groups for path in group.files}
-    every = {
-        path
-        for pattern in patterns
-        for path in find_matching_files(make_absolute(folder, pattern), "correct --images")
-    }
-    if every == wanted:
+    absolute = tuple(make_absolute(folder, pattern) for pattern in patterns)
+    photos, _ = separate_unread(find_photos(absolute), absolute)
+    if set(photos) == wanted:
         return tuple(patterns)
     return tuple(glob.escape(_relative(folder, path)) for path in sorted(wanted))
 

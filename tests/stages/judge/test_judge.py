@@ -328,13 +328,19 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(
     survey = scene_factory(6, frames=6, control=6).survey
     prior = survey.telemetry
     assert prior is not None
-    for angle, sigma in ((0.05, 1e-5), (0.2, 1e-3)):
+
+    def turned_by(angle: float, sigma: float) -> Refined:
         cos, sin = np.cos(angle), np.sin(angle)
         turn = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
         turned = prior.gimbal_from_camera @ turn
         sure = replace(prior, boresight_sigma_rad=sigma, gimbal_from_camera=turned)
-        messages = judge_suspects(examined(solve(replace(survey, telemetry=sure))))
-        assert any("boresight x" in m.text for m in messages)
+        return solve(replace(survey, telemetry=sure))
+
+    messages = judge_suspects(examined(turned_by(0.05, 1e-5)))
+    assert any("boresight x" in m.text for m in messages)
+    (cause,) = turned_by(0.2, 1e-3).causes  # 11 degrees, far beyond the sigma: the mount is wrong
+    assert cause.message.code == "gimbal-off"
+    assert "turned by 11 degrees" in cause.message.text
 
     late = np.array(prior.time_s)
     late[2] += 0.9

@@ -104,7 +104,7 @@ def read_photos(
         at the source that the project names.
     """
     matching = find_photos(patterns)
-    paths, unread = _separate_unread(matching, patterns)
+    paths, unread = separate_unread(matching, patterns)
     sizes = np.array([read_image_size(path) for path in paths], dtype=np.float64)
     readings, source, messages = _times(paths, options)
     photos = Photos(
@@ -120,7 +120,7 @@ def read_photos(
     return photos, (*passed, *messages, *_like_formulas(photos.frame_id))
 
 
-def _separate_unread(
+def separate_unread(
     matching: list[Path], patterns: tuple[str, ...]
 ) -> tuple[list[Path], list[Path]]:
     """Separate the photos from files of formats without a reader, which only wildcards matched.

@@ -11,11 +11,11 @@ from scenes import Scene
 
 from uavgram.estimation.reliability.hypotheses import compare_hypotheses
 from uavgram.model.arrays import Ints
+from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
+from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
-from uavgram.stages.refine.causes.identification import identify_causes
 from uavgram.stages.refine.causes.wrong_heights import propose_heights
-from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
@@ -38,9 +38,8 @@ def picks_of(survey: Survey, frame: int) -> Ints:
 
 
 def causes_of(survey: Survey) -> tuple[Cause, ...]:
-    none = np.zeros(len(survey.line_start), dtype=np.bool_)
-    taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
-    return identify_causes(Diagnosis(taking, adjust_robustly(taking).refined)).causes
+    none = np.zeros(len(survey.pick_frame), dtype=np.bool_)
+    return adjust_at_stated_noise(survey, none, SolveOptions(noise="stated")).causes
 
 
 def test_labels_that_changed_places_in_a_photo_are_told_and_put_back(
