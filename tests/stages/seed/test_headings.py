@@ -46,7 +46,8 @@ def test_every_photo_stays_in_and_finds_its_heading(seed: int, pitch_deg: float)
 
 
 def test_places_turn_headings_back_that_are_wrong_by_half_a_turn() -> None:
-    # On ground that is known to be level and even, by exact tapes: iterations alone end nowhere.
+    # On ground that is known to be level and even, by exact tapes: iterations from these headings
+    # end nowhere. The stated sigmas of yaw allow them, so there is nothing to report.
     scene = place_only(
         3, frames=5, labels=11, ground=GroundOptions(slope_sigma_deg=0.5, roughness_sigma_m=0.0)
     )
@@ -54,7 +55,7 @@ def test_places_turn_headings_back_that_are_wrong_by_half_a_turn() -> None:
 
     assert refined.adjustment.minimum.converged
     assert np.abs(scene.pose_errors(refined.adjustment)).max() < 3.0
-    assert [message.code for message in messages] == ["gimbal-off"]
+    assert not messages
 
 
 def test_stated_yaw_sigmas_of_120_degrees_have_their_effect() -> None:
