@@ -61,5 +61,5 @@ def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(
     monkeypatch.setattr(
         "uavgram.estimation.survey.observations.telemetry.correct_time", without_drift
     )
-    squares, _ = found_and_true("clock_drift", trials=3)
+    squares, _ = found_and_true("clock_drift", trials=5)
     assert off_bounds(squares, 1)
