@@ -2,8 +2,7 @@
 
 1. `adjust_robustly` keeps an ordinary adjustment that fits (`_is_in_order`).
 2. Otherwise robust adjustments (`robust_adjustment.py`) begin from several first values: with
-   enlarged sigmas, then without single lengths, known things or photos, or the log
-   (`_most_agreed`).
+   enlarged sigmas, then without single lengths, known things or photos (`_most_agreed`).
 3. The candidate of least cost decides which observations are gross errors.
 4. The remaining observations are adjusted as usual (`_adjusted_without`), and the removed ones are
    reported.
@@ -37,12 +36,10 @@ from uavgram.estimation.survey.selection import (
     remove_known,
     select_control,
     select_picks,
-    widen_poses,
 )
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.frames import TelemetryPrior
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey import Ground, Survey
@@ -91,9 +88,6 @@ pose, and a fourth one checks it."""
 
 CORRELATED = 3.0
 """Factor of the sigmas of poses of a log that is wrong as a whole: their errors go together."""
-
-NO_LOG = 100.0
-"""Factor of the sigmas of the log's poses with which these hardly take part."""
 
 MISFIT = 1e-6
 """Probability of the sum of squares without gross errors, below which the rest does not fit."""
@@ -474,7 +468,7 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
     searches = [_without_references, _without_photos]
     if not found or found[0].doubts_a_photo():
         searches.reverse()
-    for search in (_without_suspects, _without_the_log, *searches, _without_two_lengths):
+    for search in (_without_suspects, *searches, _without_two_lengths):
         best = found[:1]
         for candidate in search(taking, found):
             found = _by_cost(taking, [*found, candidate])
@@ -547,33 +541,6 @@ def _without_suspects(taking: Participants, found: Sequence[Candidate]) -> Itera
         best = _by_cost(rest, chain(_from_rest(rest), _from_softened(rest)))[:1]
         yield from best
         names = (*names, *best[0].misplaced) if best and best[0].misplaced else ()
-
-
-def _without_the_log(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Adjust robustly from first values that hardly depend on the log's poses.
-
-    Where the clock or the order of the poses is wrong, all of them are, and bend the rest.
-
-    Parameters
-    ----------
-    taking
-        Participating observations.
-    found
-        Candidates so far, that of least cost first.
-    """
-    prior = taking.survey.telemetry
-    if prior is None or (found and found[0].explains()) or not _has_scale(taking):
-        return
-    whole = _unsoftened(taking)
-    names = (taking.survey.frame_id[k] for k in prior.frame_index.tolist())
-    without = replace(whole, pose_widened=dict.fromkeys(names, NO_LOG))
-    yield from _from_reduced(without, whole, taking)
-
-
-def _has_scale(taking: Participants) -> bool:
-    """Return whether lengths, known things or control give a scale without the log."""
-    survey = taking.survey
-    return bool((~taking.line_removed).any() or survey.known or len(survey.control_label))
 
 
 def _without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -816,7 +783,6 @@ def _stated_problem(
             & np.isin(np.array(survey.frame_id)[survey.pick_frame], reduced.frame_id)
         )
     stated = select_picks(remove_known(survey, whole.known_removed), is_placed).survey
-    every_pose = widen_poses(survey, whole.pose_widened)
     roughness = (one.roughness_sigma_m for one in stated.grounds)
     survey = replace(
         reduced,
@@ -830,7 +796,6 @@ def _stated_problem(
         control_label=stated.control_label,
         control_world_m=stated.control_world_m,
         control_sigma_m=stated.control_sigma_m,
-        telemetry=_select_poses(every_pose, reduced),
         grounds=tuple(
             replace(ground, roughness_sigma_m=sigma_m)
             for ground, sigma_m in zip(reduced.grounds, roughness, strict=True)
@@ -839,16 +804,6 @@ def _stated_problem(
     lines = ~whole.line_removed[first.line_index]
     placed = replace(first, pick_index=np.flatnonzero(is_placed))
     return placed, SurveyProblem(survey, adjustment.problem.pivot_m, lines)
-
-
-def _select_poses(survey: Survey, reduced: Survey) -> TelemetryPrior | None:
-    """Return the log's poses in a part of a survey, with their sigmas in the survey."""
-    every, prior = survey.telemetry, reduced.telemetry
-    if every is None or prior is None:
-        return prior
-    of = {survey.frame_id[k]: row for row, k in enumerate(every.frame_index.tolist())}
-    rows = [of[reduced.frame_id[k]] for k in prior.frame_index]
-    return replace(prior, covariance=every.covariance[rows])
 
 
 def _with_ground(problem: SurveyProblem, grounds: tuple[Ground, ...]) -> SurveyProblem:
@@ -886,10 +841,6 @@ def _weights_without(
     known = [problem.known[k].index in taking.known_removed for k in problem.known_thing]
     control = ~np.isin(problem.survey.control_label, adjustment.survey.control_label)
     is_out = {"lengths": lines, "known": np.array(known, dtype=np.bool_), "control": control}
-    if problem.survey.telemetry is not None:
-        frames = problem.survey.telemetry.frame_index.tolist()
-        poses = [problem.survey.frame_id[k] in taking.pose_widened for k in frames]
-        is_out["telemetry"] = np.array(poses, dtype=np.bool_)
     return {name: np.where(rows, NEARLY_NONE, 1.0) for name, rows in is_out.items() if len(rows)}
 
 
