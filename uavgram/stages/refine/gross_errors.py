@@ -219,8 +219,13 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
                 agreed = _most_agreed(rest)
         # Photos that contradict the rest, but without which it does not fit, are no exception; then
         # a candidate with them is the last resort.
-        placed = [one for one in agreed if not one.misplaced]
-        robust = _without_outliers(taking, placed or agreed)
+        agreed = [one for one in agreed if not one.misplaced] or agreed
+        # Without a log that is wrong as a whole, the rest may have no gross errors.
+        wrong = _find_wrong_poses(agreed[0].annealed, taking.pose_widened) if agreed else {}
+        if len(taking.pose_widened) < len(wrong) == _count_poses(taking.survey):
+            with suppress(GeometryError):
+                return adjust_robustly(replace(taking, pose_widened=wrong))
+        robust = _without_outliers(taking, agreed)
         if robust is not None:
             return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
     if plain is None:
@@ -1140,8 +1145,12 @@ def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str,
 
 def is_log_left_out(refined: Refined) -> bool:
     """Return whether all poses of the log are left out, as wrong as a whole."""
-    prior = refined.adjustment.survey.telemetry
-    return prior is not None and len(refined.pose_widened) >= len(prior.frame_index)
+    return 0 < _count_poses(refined.adjustment.survey) <= len(refined.pose_widened)
+
+
+def _count_poses(survey: Survey) -> int:
+    """Return the number of photos whose poses the log has."""
+    return 0 if survey.telemetry is None else len(survey.telemetry.frame_index)
 
 
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:
