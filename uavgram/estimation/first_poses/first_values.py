@@ -65,8 +65,6 @@ class FirstValues(NamedTuple):
         Height of the plane.
     departure_m
         (K,) initial heights above the plane of points whose height is free.
-    telemetry
-        Initial values of the unknowns of the log (clock, biases, mount); empty: as stated.
     """
 
     point_m: Floats
@@ -74,7 +72,6 @@ class FirstValues(NamedTuple):
     rotation: Floats
     height_m: float
     departure_m: Floats
-    telemetry: Floats = np.zeros(0)
 
 
 def intersect_seed_rays(survey: Survey, ray: Floats) -> FirstValues:

@@ -1183,7 +1183,6 @@ def _first_values(found: Annealed, survey: Survey) -> FirstValues:
         rotation=state.rotation[frame],
         height_m=float(state.plane[0]),
         departure_m=np.where(free, state.point[label, 2], 0.0),
-        telemetry=state.telemetry,
     )
 
 

@@ -28,7 +28,7 @@ from uavgram.estimation.survey.selection import (
     widen_poses,
 )
 from uavgram.estimation.survey.unknowns import Layout, State
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.first_values import (
     cost_with_lost,
@@ -399,13 +399,6 @@ def _find_minima(
     return minima
 
 
-def _first_telemetry(problem: SurveyProblem, values: FirstValues) -> Floats:
-    """Return first values of the unknowns of the log; empty without one."""
-    if len(values.telemetry):
-        return values.telemetry
-    return problem.telemetry_mean if problem.layout.telemetry else np.zeros(0)
-
-
 def _minimise(
     survey: Survey, values: FirstValues, line_used: Bools, most: int, slack: float = 0.0
 ) -> tuple[SurveyProblem, Minimum[State]]:
@@ -424,7 +417,7 @@ def _minimise(
         intrinsic=np.zeros(layout.intrinsics),
         plane=make_first_planes(survey.grounds, values.height_m),
         relief=np.zeros(layout.relief),
-        telemetry=_first_telemetry(problem, values),
+        telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
         tape=np.zeros(layout.tape),
         readout=np.zeros(0) if survey.rolling is None else survey.rolling.first_value,
         picked=point[survey.identified],
