@@ -55,7 +55,7 @@ def find_ground_points(
     odds
         Odds that a point is on the ground, before.
     """
-    step = np.gradient(RAISED_HEIGHTS_M)  # each stands for the heights up to the next one
+    step = np.gradient(RAISED_HEIGHTS_M)  # each represents the heights up to the next one
     middle = np.concatenate([[0.0], RAISED_HEIGHTS_M, [0.0]])
     spread = np.tile(np.concatenate([[0.0], step, [UNKNOWN_SIGMA_M]]) ** 2, (len(height_m), 1))
     spread[:, 0] = least = roughness_m**2
@@ -65,8 +65,8 @@ def find_ground_points(
     share = np.concatenate([[ground], np.full(len(RAISED_HEIGHTS_M), raised), [MISTAKEN]])
     # Approximation of each point's mixture: its precision, and precision times mean.
     precision, pull = np.zeros((2, len(height_m)))
-    begun = _choose_first_points(height_m, covariance_m2, (middle, spread, share))
-    precision[begun] = 1.0 / least[begun]
+    first = _choose_first_points(height_m, covariance_m2, (middle, spread, share))
+    precision[first] = 1.0 / least[first]
     is_low = middle <= NEAR_SIGMAS * roughness_m[:, None]
     is_low[:, -1] = False
     is_near = np.zeros(len(height_m))

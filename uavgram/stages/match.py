@@ -21,6 +21,7 @@ from scipy.special import chdtri, logsumexp
 from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
+from uavgram.stages.ground_consensus import RAISED_HEIGHTS_M
 
 Pair = tuple[str, str]
 """Photo and label."""
@@ -311,10 +312,6 @@ SHOWN = 29.0 / 30.0, 1.0 / 6.0
 """Share of the photos that show something like a label at its place on the ground: for points on
 it, and for corners of cars and walls, where it is the ground behind them. Measured on rendered
 streets."""
-
-RAISED_HEIGHTS_M = np.geomspace(0.25, 10.0, 60)
-"""Heights of points off the ground [m], each equally likely: of a door sill to the ridge of a
-house."""
 
 UNMOVED_PX = 1.0
 """Distance [px] by which the greatest height moves a point that is searched as on the ground."""

@@ -51,8 +51,8 @@ def encode_point_statuses(result: Result) -> dict[str, m.Trust]:
     for image, label, status, share in zip(
         picks.image, picks.label, picks.status, picks.redundancy.tolist(), strict=True
     ):
-        told = "suspect" if (image, label) in named else status
-        states.setdefault(label, set()).add(told)
+        shown = "suspect" if (image, label) in named else status
+        states.setdefault(label, set()).add(shown)
         redundancy[label] = max(redundancy.get(label, 0.0), float(np.nan_to_num(share)))
     standings = {}
     for label in result.points.label:

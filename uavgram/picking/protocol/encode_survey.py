@@ -86,7 +86,7 @@ def _repeated(state: State, index: Mapping[str, int]) -> list[m.Pair]:
 
 def _pick(pick: Pick, index: Mapping[str, int]) -> m.Pick:
     """Encode a pick; fields on its origin are left out for a person's pick."""
-    told: m.Pick = {
+    fields: m.Pick = {
         "image": index[pick.image],
         "label": pick.label,
         "u_px": pick.u_px,
@@ -98,12 +98,12 @@ def _pick(pick: Pick, index: Mapping[str, int]) -> m.Pick:
         "area": pick.area,
     }
     if pick.source != "hand":
-        told["source"] = pick.source
-        told["score"] = pick.score
-        told["from_image"] = index.get(pick.from_image)
-        told["from_u_px"] = pick.from_u_px
-        told["from_v_px"] = pick.from_v_px
-    return told
+        fields["source"] = pick.source
+        fields["score"] = pick.score
+        fields["from_image"] = index.get(pick.from_image)
+        fields["from_u_px"] = pick.from_u_px
+        fields["from_v_px"] = pick.from_v_px
+    return fields
 
 
 def _request(request: MeasurementRequest) -> m.Measurement:

@@ -36,15 +36,17 @@ def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) ->
     """
     verdict, remarks = result.verdict, Remarks(result.picks, lines, index)
     first = remarks.json(verdict.reasons[0] if verdict.reasons else NOTHING)
-    told = [remarks.json(reason, _at_length(reason, result.messages)) for reason in verdict.reasons]
-    reasons = {one["text"] for one in told}
+    found = [
+        remarks.json(reason, _at_length(reason, result.messages)) for reason in verdict.reasons
+    ]
+    reasons = {one["text"] for one in found}
     warned = [one for one in dict.fromkeys(result.messages) if one.level != "info"]
     more = [remarks.of_message(one) for one in warned if one.text not in reasons]
     return {
         "level": verdict.level,
         "words": summarise_result(result),
         "first": first,
-        "why": [one for one in (*told, *more) if one["text"] != first["text"]],
+        "why": [one for one in (*found, *more) if one["text"] != first["text"]],
         "reasons": len(verdict.reasons),
         "unseen": describe_undetectable(result),
     }

@@ -68,10 +68,10 @@ class ProposalTable:
             lost = [pair for pair in gone if pair in self._outcomes and pair not in over]
             for pair in lost:
                 del self._outcomes[pair]
-            told = dict(self._outcomes)
+            now = dict(self._outcomes)
         labels = {label for _, label in (*changed, *lost)}
         if labels or always:
-            self._tell(told, labels, left)
+            self._tell(now, labels, left)
 
     def let_go(self, state: State) -> None:
         """Remove outcomes whose source pick no longer exists."""
@@ -79,9 +79,9 @@ class ProposalTable:
             before = self._outcomes
             self._outcomes = select_valid(before, state)
             gone = {label for _, label in before.keys() - self._outcomes.keys()}
-            told = dict(self._outcomes)
+            now = dict(self._outcomes)
         if gone:
-            self._tell(told, gone, 0)
+            self._tell(now, gone, 0)
 
     def refuse(self, pairs: Collection[Pair]) -> None:
         """Stop proposing, or asking for, some labels."""
@@ -96,5 +96,5 @@ class ProposalTable:
     ) -> None:
         with self._changed:
             self._outcomes = how(self._outcomes, of)
-            told = dict(self._outcomes)
-        self._tell(told, {label for _, label in of}, 0)
+            now = dict(self._outcomes)
+        self._tell(now, {label for _, label in of}, 0)

@@ -331,8 +331,8 @@ class PickSession:
         return expected_json(predict_known_places(self.survey, self._live.last), self.index)
 
     def _sought(self, outcomes: Outcomes, labels: Collection[str], left: int) -> None:
-        told = proposals_json(outcomes, self.index, labels, left)
-        self._broadcast({"t": "proposals", **told})
+        fields = proposals_json(outcomes, self.index, labels, left)
+        self._broadcast({"t": "proposals", **fields})
 
     def _proposals(self) -> m.Proposals:
         outcomes = self._search.outcomes

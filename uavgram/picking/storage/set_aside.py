@@ -128,8 +128,8 @@ def _origin(pick: Pick, index: Mapping[str, int]) -> Json:
     if pick.source == "hand":
         return {}
     names = ("source", "score", "from_u_px", "from_v_px")
-    told = {name: getattr(pick, name) for name in names}
-    return told | {"from_image": index.get(pick.from_image)}
+    fields = {name: getattr(pick, name) for name in names}
+    return fields | {"from_image": index.get(pick.from_image)}
 
 
 def _list_additions(kind: str, before: Named, after: Named, now: Named) -> Changes:

@@ -98,8 +98,8 @@ class _Ground:
 
     def notes(self) -> tuple[str, ...]:
         """Describe the changes to the photos."""
-        told = "The photos' brightness is evened out, to be seen; their files stay as they are."
-        return (told,)
+        note = "The photos' brightness is evened out, to be seen; their files stay as they are."
+        return (note,)
 
 
 def _raster(view: View, plan: Plan, sheet: PlanSheet) -> GroundRaster:

@@ -212,11 +212,11 @@ def _left_out(
     }
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
     groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
-    told = []
+    messages = []
     for group in groups:
         names = tuple(lines.name[i] for i in group)
         mend, *instead = read_first([propose_length_removal(names)])
-        told.append(
+        messages.append(
             Message(
                 "warning",
                 "line-left-out",
@@ -229,7 +229,7 @@ def _left_out(
                 instead=tuple(one for one in instead if one is not None),
             )
         )
-    return tuple(told)
+    return tuple(messages)
 
 
 def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:

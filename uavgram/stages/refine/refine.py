@@ -124,12 +124,19 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         search.append(report_undecided())
     # Report a point off the ground once, with its adjusted height.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
-    told = (*causes, *begun.messages)
-    told = (*told, *tied, *report_off_ground(refined), *readout, *report_noise(refined.noise))
-    told = (*told, *report_learnt(refined.adjustment), *report_poses_left_out(refined))
+    messages = (
+        *causes,
+        *begun.messages,
+        *tied,
+        *report_off_ground(refined),
+        *readout,
+        *report_noise(refined.noise),
+        *report_learnt(refined.adjustment),
+        *report_poses_left_out(refined),
+    )
     if not any("lengths" in one.message.code for one in begun.causes):
         search += report_possible_errors(refined.adjustment)
-    return refined, (*told, *report_refinement(survey, refined), *search)
+    return refined, (*messages, *report_refinement(survey, refined), *search)
 
 
 def _is_adjusted_so(message: Message, refined: Refined) -> bool:

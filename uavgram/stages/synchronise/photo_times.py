@@ -420,8 +420,8 @@ def synchronise(
         raise UavgramError(both if abs(apart_s) > DAY_S else str(fault)) from fault
     messages = (*chosen.messages, *timing.messages)
     if abs(apart_s) > DAY_S:
-        told = Message("warning", "log-of-another-day", f"By the camera's clock {both}.")
-        messages = (told, *messages)
+        message = Message("warning", "log-of-another-day", f"By the camera's clock {both}.")
+        messages = (message, *messages)
     frames = placed_frames(photos, chosen, timing)
     return Synchronised(
         frames=frames,
