@@ -132,6 +132,16 @@ def test_lengths_that_were_left_out_bend_nothing(clean: Judged) -> None:
     assert clean.verdict(ends)[1] == ("doubtful", "ok")
 
 
+@pytest.mark.parametrize("code", ["mount-turned", "photos-mirrored", "control-shifted"])
+def test_a_log_that_was_left_out_bends_nothing(clean: Judged, code: str) -> None:
+    examined = clean.examined
+    some, *others = examined.adjustment.survey.frame_id
+    for left_out, level in ((others, "red"), ([some, *others], "amber")):
+        refined = replace(examined.refined, pose_widened=dict.fromkeys(left_out, 50.0))
+        judged = Judged(replace(examined, refined=refined), clean.table)
+        assert judged.verdict(of(code))[0].level == level
+
+
 @pytest.mark.parametrize(
     ("source", "factor", "level"),
     [("hand", 5.0, "green"), ("hand", 39.0, "red"), ("tie", 39.0, "green")],

@@ -420,6 +420,12 @@ class Refined:
     mirrored: Adjustment | None = None
 
     @property
+    def is_log_left_out(self) -> bool:
+        """Whether all poses of the log were left out, as wrong as a whole."""
+        prior = self.adjustment.survey.telemetry
+        return prior is not None and len(self.pose_widened) >= len(prior.frame_index)
+
+    @property
     def settled(self) -> frozenset[str]:
         """Names of lengths and frames whose misfit a cause explains."""
         return frozenset().union(*(cause.settles for cause in self.causes))

@@ -88,6 +88,9 @@ class Entry:
     accuses
         Whether it declares an observation suspect. It becomes a note where a cause explains the
         misfit.
+    is_of_log
+        Whether it is a contradiction between the log and the rest. Without the log, it bends
+        nothing.
     part_of
         Code of a message that contains this one as a reason of the verdict.
     is_detail
@@ -105,6 +108,7 @@ class Entry:
     several: str = ""
     labels_of_one: int = 1
     accuses: bool = False
+    is_of_log: bool = False
     part_of: str = ""
     is_detail: bool = False
 

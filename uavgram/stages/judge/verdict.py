@@ -50,9 +50,8 @@ def determine_verdict(
         Codes of causes that no longer distort the result, as they were corrected.
     """
     still = [m for m in messages if m.code not in put_right]
-    used = _used_lengths(examined.adjustment)
     bent = fit.core < CONTRADICTION_PROBABILITY or any(
-        _effect(m) is Effect.RED and not _is_left_out(m, used) for m in still
+        _effect(m) is Effect.RED and not _is_left_out(m, examined) for m in still
     )
     status = determine_statuses(
         table,
@@ -94,13 +93,15 @@ def _used_lengths(adjustment: Adjustment) -> set[str]:
     return {names[k] for k in adjustment.problem.line_index.tolist()} if names else set()
 
 
-def _is_left_out(message: Message, used: Collection[str]) -> bool:
-    """Return whether a message is about lengths alone, and none of them takes part.
+def _is_left_out(message: Message, examined: TestedSurvey) -> bool:
+    """Return whether a message is about lengths alone, or about the log, and none takes part.
 
-    Lengths that were left out do not bend the result, which rests on the other observations.
+    What was left out does not bend the result, which rests on the other observations.
     """
+    if examined.refined.is_log_left_out and entry_of(message.code).is_of_log:
+        return True
     is_of_lengths = bool(message.lengths) and not message.frames
-    return is_of_lengths and not set(message.lengths) & set(used)
+    return is_of_lengths and not set(message.lengths) & _used_lengths(examined.adjustment)
 
 
 def _effect(message: Message) -> Effect:

@@ -19,7 +19,7 @@ from uavgram.stages.refine.causes.hypothesis import Diagnosis
 from uavgram.stages.refine.causes.identification import IdentifiedCauses, identify_causes
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
-from uavgram.stages.refine.gross_errors import Robust, adjust_robustly, is_log_left_out
+from uavgram.stages.refine.gross_errors import Robust, adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, adjust_on_trial, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
 
@@ -74,7 +74,7 @@ def adjust_at_stated_noise(
     # Robust adjustment, then causes of the gross errors.
     taking = Participants(given, keep, none, reason)
     robust = adjust_robustly(taking)
-    if is_log_left_out(robust.refined):
+    if robust.refined.is_log_left_out:
         robust = _with_log_explained(taking) or robust
     survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
     left_out = list(robust.messages(given))
@@ -120,7 +120,7 @@ def _with_log_explained(taking: Participants) -> Robust | None:
     known_less, _ = _free_wrong_priors(taking.survey, found)
     corrected = apply_corrections(known_less, found.causes, plain)
     again = _adjust_again(corrected.survey, taking.keep & ~corrected.without, dict(taking.reason))
-    if again is None or is_log_left_out(again.refined):
+    if again is None or again.refined.is_log_left_out:
         return None
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
 

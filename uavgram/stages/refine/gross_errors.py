@@ -222,7 +222,8 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         agreed = [one for one in agreed if not one.misplaced] or agreed
         # Without a log that is wrong as a whole, the rest may have no gross errors.
         wrong = _find_wrong_poses(agreed[0].annealed, taking.pose_widened) if agreed else {}
-        if len(taking.pose_widened) < len(wrong) == _count_poses(taking.survey):
+        prior = taking.survey.telemetry
+        if prior is not None and len(taking.pose_widened) < len(wrong) == len(prior.frame_index):
             with suppress(GeometryError):
                 return adjust_robustly(replace(taking, pose_widened=wrong))
         robust = _without_outliers(taking, agreed)
@@ -1141,16 +1142,6 @@ def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str,
         return {name[k]: float(factor[k]) for k in rows}
     common = CORRELATED * float(np.sqrt(np.mean(factor**2)))
     return dict.fromkeys(name, common) if len(rows) else {}
-
-
-def is_log_left_out(refined: Refined) -> bool:
-    """Return whether all poses of the log are left out, as wrong as a whole."""
-    return 0 < _count_poses(refined.adjustment.survey) <= len(refined.pose_widened)
-
-
-def _count_poses(survey: Survey) -> int:
-    """Return the number of photos whose poses the log has."""
-    return 0 if survey.telemetry is None else len(survey.telemetry.frame_index)
 
 
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:
