@@ -47,9 +47,9 @@ from uavgram.picking.document.proposals import (
     select_certain,
 )
 from uavgram.picking.document.state import State, make_state
-from uavgram.picking.session.adjustment_workers import collect_observations
 from uavgram.picking.session.point_search import SearchInput
 from uavgram.picking.session.searches import Searches
+from uavgram.picking.session.workers import collect_observations
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 
 STREETS = ("street_nadir", "street_oblique", "street_rolling")

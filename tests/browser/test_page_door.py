@@ -20,7 +20,7 @@ from websockets import Origin
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from uavgram.picking.web.redirect import RedirectFile
+from uavgram.picking.web.running_server import RedirectFile
 
 HTML = "<img src=x onerror=\"document.title='pwned'\">"
 

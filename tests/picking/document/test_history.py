@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from uavgram.model.observations import MeasurementKind
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.commands import Command
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import Command, RefusedError
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.state import Pick, State, make_observations, make_state
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import (
     BY_HAND,

@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import synthetic_survey as survey
 from standings import with_status
 
+from uavgram.model.camera import PARAMETER_NAMES
 from uavgram.model.message import Correction, Message, Remedy
-from uavgram.model.result.reliability import Reason, Verdict
+from uavgram.model.result.reliability import Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
-from uavgram.picking.document.state import Line, State, make_observations
+from uavgram.model.result.tables import LineStatus, PickStatus
+from uavgram.picking.document.history import apply_change
+from uavgram.picking.document.state import Line, Pick, State, make_observations
 from uavgram.picking.protocol import messages as m
-from uavgram.picking.protocol.encode_remarks import Remarks
 from uavgram.picking.protocol.encode_verdict import (
+    Remarks,
+    describe_unchecked,
+    describe_undetectable,
+    encode_length_statuses,
     encode_measurement_statuses,
+    encode_photo_statuses,
+    encode_point_statuses,
+    remedies_json,
     verdict_json,
 )
+from uavgram.picking.protocol.parse import PhotoSize, parse_message
 
 SWAPPED = Reason(
     cause="labels-swapped", text="P01 and P10 seem to be swapped: swap them.", labels=("P01", "P10")
@@ -168,3 +180,210 @@ def test_a_warning_that_is_no_reason_is_plain_too() -> None:
     told = told_of(replace(survey.build(clean=True), messages=(ALSO,)))
 
     assert [(one["plain"], one["level"]) for one in told["why"]] == [(ALSO.text, "warning")]
+
+
+# Buttons that put a result right: changes as the page sends them, whole or not at all.
+
+
+PHOTOS = (PhotoSize("1.jpg", 640, 480), PhotoSize("2.jpg", 640, 480))
+INDEX = {photo.name: k for k, photo in enumerate(PHOTOS)}
+STATE = State(
+    picks=(
+        Pick(image="1.jpg", label="A", u_px=1, v_px=2),
+        Pick(image="1.jpg", label="B", u_px=3, v_px=4, is_free=True),
+        Pick(image="2.jpg", label="C", u_px=5, v_px=6),
+    ),
+    lines=(
+        Line(name="L1", start="A", end="B", length_m=2.0, sigma_m=0.01, tape="long"),
+        Line(name="L2", start="A", end="C", length_m=3.0, sigma_m=0.02, adjust=False),
+    ),
+)
+_, LINES = make_observations(STATE)
+
+
+def remedy(*corrections: Correction) -> Remedy:
+    return Remedy(action=corrections[0].action, words="Do it", corrections=corrections)
+
+
+def pressed(*corrections: Correction) -> State:
+    """The state after the page sent what a button stands for."""
+    (mend,) = remedies_json([remedy(*corrections)], LINES, INDEX)
+    text = json.dumps({"seq": 1, "t": "all", "changes": mend["changes"]})
+    command = parse_message(text, PHOTOS).body
+    return apply_change(STATE, command)  # type: ignore[arg-type]
+
+
+def test_each_correction_is_a_change_that_the_document_takes() -> None:
+    after = pressed(
+        Correction(action="swap", frame="1.jpg", label="A", other="B"),
+        Correction(action="move", frame="2.jpg", label="C", pixel_px=(50.0, 60.0)),
+        Correction(action="length", length="L1", length_m=2.5),
+        Correction(action="ends", length="L2", ends=("B", "C")),
+        Correction(action="free", label="A"),
+        Correction(action="on-ground", label="B"),
+    )
+
+    assert after.picks == (
+        Pick(image="1.jpg", label="B", u_px=1, v_px=2),
+        Pick(image="1.jpg", label="A", u_px=3, v_px=4, is_free=True),
+        Pick(image="2.jpg", label="C", u_px=50, v_px=60),
+    )
+    assert after.lines == (
+        Line(name="L1", start="A", end="B", length_m=2.5, sigma_m=0.01, tape="long"),
+        Line(name="L2", start="B", end="C", length_m=3.0, sigma_m=0.02, adjust=False),
+    )
+
+
+def test_a_pick_and_a_length_are_removed() -> None:
+    after = pressed(
+        Correction(action="unpick", frame="2.jpg", label="C"),
+        Correction(action="remove-length", length="L2"),
+    )
+
+    assert after == State(picks=STATE.picks[:2], lines=STATE.lines[:1])
+
+
+def test_an_exchange_in_all_photos_names_none() -> None:
+    (mend,) = remedies_json([remedy(Correction(action="swap", label="A", other="C"))], LINES, INDEX)
+
+    assert mend["changes"] == [{"t": "swap", "image": None, "label": "A", "other": "C"}]
+
+
+@pytest.mark.parametrize(
+    "strange",
+    [
+        Correction(action="unpick", frame="9.jpg", label="A"),
+        Correction(action="length", length="side of a plate", length_m=1.0),
+        Correction(action="tape", ends=("A", "B"), length_m=4.0),
+    ],
+)
+def test_a_remedy_that_the_page_cannot_do_entirely_has_no_button(strange: Correction) -> None:
+    known = Correction(action="free", label="A")
+
+    assert remedies_json([remedy(known, strange)], LINES, INDEX) == []
+    assert len(remedies_json([None, remedy(known), remedy(strange)], LINES, INDEX)) == 1
+
+
+def test_a_length_to_be_read_again_is_opened() -> None:
+    again = Remedy(
+        action="read",
+        words="Read L2 again",
+        corrections=(Correction(action="read", length="L2"),),
+    )
+    strange = replace(again, corrections=(Correction(action="read", length="of a plate"),))
+
+    (mend,) = remedies_json([again, strange], LINES, INDEX)
+    assert (mend["words"], mend["changes"], mend["opens"]) == ("Read L2 again", [], "L2")
+
+
+def test_work_in_the_field_has_no_button() -> None:
+    assert remedies_json([Remedy(action="tape", words="Tape more")], LINES, INDEX) == []
+
+
+# Each row says how far it can be trusted, and the smallest error that would show in it.
+
+
+@pytest.fixture
+def clean() -> Result:
+    """In order, with a last length in which any reading would show."""
+    made = survey.build(clean=True)
+    used: LineStatus = "used"
+    lines = replace(made.lines, status=(used,) * len(made.lines.name))
+    return replace(made, lines=replace(lines, mdb_m=np.full(len(lines.name), 0.05)))
+
+
+WRONG = Reason(cause="misfit", text="Something is wrong.")
+
+
+def test_what_the_verdict_names_is_doubtful_and_says_why(clean: Result) -> None:
+    label, name = clean.points.label[0], clean.lines.name[0]
+    image = clean.frames.frame_id[clean.frames.status.index("refined")]
+    reason = replace(WRONG, labels=(label,), lengths=(name,), frames=(image,))
+    made = replace(clean, verdict=Verdict(level="amber", reasons=(reason,)))
+    photos = dict(zip(made.frames.frame_id, encode_photo_statuses(made), strict=True))
+
+    told = (encode_point_statuses(made)[label], encode_length_statuses(made)[0], photos[image])
+    for one in told:
+        assert (one["status"], one["why"]) == ("doubtful", "Something is wrong.")
+    assert encode_length_statuses(made)[1]["status"] == "ok"
+
+
+def test_of_a_red_result_nothing_that_takes_part_is_in_order(clean: Result) -> None:
+    label = clean.points.label[0]
+    red = Verdict(level="red", reasons=(replace(WRONG, labels=(label,)),))
+    made = with_status(replace(clean, verdict=red), "not-checked")
+    points = encode_point_statuses(made)
+
+    assert points[label]["status"] == "contradicted"
+    others = [one["status"] for name, one in points.items() if name != label]
+    others += [one["status"] for one in encode_length_statuses(made)]
+    others += [one["status"] for one in encode_measurement_statuses(made) if one["words"]]
+    assert set(others) == {"doubtful"}
+    for status, one in zip(made.frames.status, encode_photo_statuses(made), strict=True):
+        assert (one["status"] == "ok") == (status not in ("refined", "rejected"))
+
+
+def test_a_point_that_nothing_checks_says_so(clean: Result) -> None:
+    picks = clean.picks
+    used: PickStatus = "used"
+    count = len(picks.label)
+    blind = replace(picks, redundancy=np.zeros(count), status=(used,) * count)
+
+    for one in encode_point_statuses(replace(clean, picks=blind)).values():
+        assert one["status"] == "not-checked"
+        assert "a wrong click here would not show" in one["why"]
+
+
+def test_a_length_says_from_what_error_on_it_would_tell(clean: Result) -> None:
+    seen = encode_length_statuses(clean)[0]
+
+    assert seen["status"] == "ok"
+    assert seen["shows"].startswith("an error shows from 5.0 cm on")
+    assert describe_undetectable(clean) == ""
+
+
+@pytest.mark.parametrize("mdb_m", [0.21, float("nan")])
+def test_a_length_in_which_a_decimetre_would_not_show_is_not_trusted(
+    clean: Result, mdb_m: float
+) -> None:
+    mdb = np.append(mdb_m, clean.lines.mdb_m[1:])
+    made = replace(clean, lines=replace(clean.lines, mdb_m=mdb))
+    first = encode_length_statuses(made)[0]
+
+    assert first["status"] == "not-checked"
+    assert ("0.21 m" in first["shows"] or "21.0 cm" in first["shows"]) == np.isfinite(mdb_m)
+    assert "A tape read 0.10 m wrong would not show" in describe_undetectable(made)
+    assert clean.lines.name[0] in describe_undetectable(made)
+
+
+def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:
+    rows = with_status(survey.build(), "not-checked", "ok").measurements
+    count, label = len(rows.name), rows.points[0][0]
+    links = WeakestLinks(
+        what=("",) * count,
+        bias=np.full(count, np.nan),
+        unit=("",) * count,
+        change=np.full(count, np.nan),
+        unchecked=(("pick of 'other' in 'a.jpg'", f"pick of {label!r} in 'a.jpg'"),) * count,
+    )
+
+    shows = describe_unchecked(rows, links)
+    told = describe_unchecked(rows, replace(links, unchecked=(("fx",),) * count))
+    assert shows[0] == (
+        f"no error would show in the pick of {label!r} in 'a.jpg', nor in 1 other given value"
+    )
+    assert told[0] == "no error would show in the camera's focal length"
+    assert not any(shows[1:])
+
+
+@pytest.mark.parametrize("name", sorted({*PARAMETER_NAMES["brown"], *PARAMETER_NAMES["fisheye"]}))
+def test_a_parameter_of_the_camera_is_called_by_words_not_by_its_letter(name: str) -> None:
+    rows = with_status(survey.build(), "not-checked", "ok").measurements
+    count = len(rows.name)
+    nothing = np.full(count, np.nan)
+    links = WeakestLinks(
+        what=("",) * count, bias=nothing, unit=("",) * count, change=nothing,
+        unchecked=((name,),) * count,
+    )  # fmt: skip
+
+    assert f"the {name}" not in describe_unchecked(rows, links)[0]

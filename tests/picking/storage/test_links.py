@@ -12,8 +12,7 @@ from pick_pages import PROJECT, Server, small_project
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.outputs import LOCK
 from uavgram.picking.session.outputs import FILES, RECORDING, RESULTS, Outputs
-from uavgram.picking.storage.journal import JOURNAL
-from uavgram.picking.storage.set_aside import find_oldest
+from uavgram.picking.storage.journal import JOURNAL, find_oldest
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.run import run

@@ -21,7 +21,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownPoints
 from uavgram.model.planned import FlightPlanned, PlannedSite
 from uavgram.picking.document.state import Line, Pick, State
-from uavgram.picking.session.adjustment_workers import collect_observations
+from uavgram.picking.session.workers import collect_observations
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
 from uavgram.pipeline.pick.places import (

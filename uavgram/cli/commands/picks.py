@@ -117,7 +117,7 @@ def _find_running_page(wanted: Path | None, port: int, *, browser: bool) -> bool
     if browser:
         import webbrowser
 
-        from uavgram.picking.web.redirect import RedirectFile
+        from uavgram.picking.web.running_server import RedirectFile
 
         way = RedirectFile(fresh.text)
         try:
@@ -133,7 +133,7 @@ def _serve(wanted: Path | None, port: int, started: Callable[[], None], *, brows
     import webbrowser
 
     from uavgram.cli.interrupt import report_interruption
-    from uavgram.picking.web.redirect import RedirectFile
+    from uavgram.picking.web.running_server import RedirectFile
     from uavgram.picking.web.serving import serve
 
     ways: list[RedirectFile] = []

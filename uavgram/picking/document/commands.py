@@ -5,7 +5,7 @@ project.
 
 `protocol.parse` has already checked that numbers are finite and in range, that texts are short and
 clean, and that photos exist. `history` checks whether a command fits the state (the label exists,
-the name is free).
+the name is free). Either refuses a message by a `RefusedError`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from uavgram.errors import UavgramError
 from uavgram.model.camera import LensModel
 from uavgram.model.observations import Along, MeasurementKind, Source
 
@@ -321,3 +322,15 @@ ProjectAction = (
     | UseCamera
 )
 Question = Snap | SameGround | SideView | Ties
+
+
+class RefusedError(UavgramError):
+    """Message whose content or request is impossible; the page shows the reason.
+
+    Attributes
+    ----------
+    seq
+        Sequence number of the message, if it could be read.
+    """
+
+    seq: int | None = None

@@ -13,9 +13,8 @@ from typing import Any, TypeVar
 from uavgram.io.tables.measure import points_fault
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.errors import RefusedError
-from uavgram.picking.document.labels import forget, rename, swap
-from uavgram.picking.document.merging import merge, split
+from uavgram.picking.document.commands import RefusedError
+from uavgram.picking.document.labels import forget, merge, rename, split, swap
 from uavgram.picking.document.state import Line, Pick, State, remove_matches
 
 MAX_STEPS = 10_000

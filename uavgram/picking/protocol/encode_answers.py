@@ -21,8 +21,7 @@ from uavgram.model.survey import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.document.proposals import Outcomes, select_certain
 from uavgram.picking.protocol import messages as m
-from uavgram.picking.protocol.encode_places import number
-from uavgram.picking.protocol.encode_units import quantity_words, table_words
+from uavgram.picking.protocol.encode_quantities import number, quantity_words, table_words
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, make_side_view
 from uavgram.pipeline.pick.places import ExpectedPlace, project_ground
 

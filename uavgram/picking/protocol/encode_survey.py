@@ -15,21 +15,23 @@ from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.result import Result
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol import messages as m
-from uavgram.picking.protocol.encode_places import (
+from uavgram.picking.protocol.encode_quantities import (
     ellipse_json,
     number,
     numbers,
     places_json,
     places_on_earth,
+    quantity_words,
+    table_words,
 )
-from uavgram.picking.protocol.encode_statuses import (
+from uavgram.picking.protocol.encode_verdict import (
     describe_unchecked,
     encode_length_statuses,
+    encode_measurement_statuses,
     encode_photo_statuses,
     encode_point_statuses,
+    verdict_json,
 )
-from uavgram.picking.protocol.encode_units import quantity_words, table_words
-from uavgram.picking.protocol.encode_verdict import encode_measurement_statuses, verdict_json
 from uavgram.pipeline.pick.live_survey import LinearUpdate, LiveAdjustment
 from uavgram.stages.messages import order_messages
 from uavgram.views.formatting import KNOWN_STATUS_WORDS, alternatives_text

@@ -1,22 +1,39 @@
-"""The verdict on an adjustment as JSON: colour, reasons, and status of each measurement.
+"""The verdict on an adjustment as JSON: reasons with remedies, and the status of each observation.
 
-All words are made here and in `views`, so that the page judges nothing itself.
+All words are made here and in `views`, and the verdict on the whole survey is applied to its rows
+here, so that the page judges nothing itself.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
-from uavgram.model.message import Message
+import numpy as np
+
+from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
+from uavgram.model.message import Correction, Message, Remedy
+from uavgram.model.naming import counted, listed
 from uavgram.model.observations import KnownLines
-from uavgram.model.result.reliability import Reason, Verdict
+from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import MeasurementResults, PickResults
 from uavgram.picking.protocol import messages as m
-from uavgram.picking.protocol.encode_remarks import NOTHING, Remarks
-from uavgram.picking.protocol.encode_statuses import describe_undetectable
+from uavgram.stages.judge.verdict import make_reason
+from uavgram.views.formatting import UNIT_WORDS, size_text
+from uavgram.views.formatting import number as format_number
 from uavgram.views.survey.reliability import weakest_links
-from uavgram.views.survey.verdict import STATUS_WORDS, summarise_result
+from uavgram.views.survey.verdict import STATUS_WORDS, list_named_picks, summarise_result
+
+NOTHING = Reason(cause="", text="")
+MAX_NAMES = 3
+
+READING_ERROR_M = 0.1
+"""Assumed error of a misread tape [m]: one digit of the decimetres, at least.
+
+A length with a larger minimal detectable bias does not check its own reading.
+"""
 
 
 def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) -> m.Verdict:
@@ -52,6 +69,20 @@ def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) ->
     }
 
 
+def describe_undetectable(result: Result) -> str:
+    """Return a sentence on lengths in which a misread tape would not show; empty without one."""
+    lines = result.lines
+    weak = [
+        name
+        for name, status, mdb_m in zip(lines.name, lines.status, lines.mdb_m.tolist(), strict=True)
+        if status == "used" and not mdb_m <= READING_ERROR_M
+    ]
+    if not weak:
+        return ""
+    names = listed(weak, MAX_NAMES)
+    return f"A tape read 0.10 m wrong would not show in {names}: tape one more length near it."
+
+
 def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
     """Return the detailed message of a reason; None if there is none."""
     opening = reason.text.removesuffix(".")
@@ -59,6 +90,249 @@ def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
         if message.code == reason.cause and message.text.startswith(opening):
             return message
     return None
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """Survey to which remarks refer.
+
+    Attributes
+    ----------
+    picks
+        Fit of each pick.
+    lines
+        Known lengths as adjusted.
+    index
+        Numbers of the photos by name.
+    """
+
+    picks: PickResults
+    lines: KnownLines
+    index: Mapping[str, int]
+
+    def of_message(self, message: Message) -> m.Remark:
+        """Encode a warning that is no reason of the verdict."""
+        return self.json(make_reason(message), message)
+
+    def json(self, reason: Reason, at_length: Message | None = None) -> m.Remark:
+        """Encode a reason of the verdict.
+
+        Parameters
+        ----------
+        reason
+            The reason.
+        at_length
+            Message that describes it with its statistics, if there is one.
+        """
+        return {
+            "level": at_length.level if at_length else "warning",
+            "code": reason.cause,
+            "text": at_length.text if at_length else reason.text,
+            "plain": reason.plain or reason.text,
+            "labels": list(reason.labels),
+            "frames": [self.index[name] for name in reason.frames if name in self.index],
+            "lengths": list(reason.lengths),
+            "measurements": list(reason.measurements),
+            "mends": remedies_json((reason.mend, *reason.instead), self.lines, self.index),
+            "show": self._show(reason),
+        }
+
+    def _show(self, reason: Reason) -> m.PhotoLabel | None:
+        """Return the worst-fitting of the picks that a reason names; None if it names none.
+
+        For a length, in a photo that shows both ends, if there is one: the length is drawn there.
+        """
+        frames, ends = set(reason.frames), self._ends(reason)
+        labels = set(reason.labels) | ends
+        if not frames and not labels:
+            return None
+        frames = frames or self._photos_of(ends)
+        worst: m.PhotoLabel | None = None
+        size = -1.0
+        for row, (image, label) in enumerate(zip(self.picks.image, self.picks.label, strict=True)):
+            named = (not frames or image in frames) and (not labels or label in labels)
+            if not named or image not in self.index:
+                continue
+            off = math.hypot(*self.picks.residual_px[row].tolist())
+            # A pick that was left out has no residual; show it first.
+            off = off if math.isfinite(off) else math.inf
+            if off > size:
+                worst, size = {"image": self.index[image], "label": label}, off
+        return worst
+
+    def _ends(self, reason: Reason) -> set[str]:
+        """Return the end labels of the lengths that a reason names."""
+        rows = [i for i, name in enumerate(self.lines.name) if name in reason.lengths]
+        return {one for i in rows for one in (self.lines.start[i], self.lines.end[i])}
+
+    def _photos_of(self, labels: set[str]) -> set[str]:
+        """Return the photos in which all of some labels are picked."""
+        seen: dict[str, set[str]] = {}
+        for image, label in zip(self.picks.image, self.picks.label, strict=True):
+            seen.setdefault(image, set()).add(label)
+        return {image for image, here in seen.items() if labels and labels <= here}
+
+
+def remedies_json(
+    remedies: Iterable[Remedy | None], lines: KnownLines, index: Mapping[str, int]
+) -> list[m.Mend]:
+    """Return the button text and the changes of each remedy that edits the inputs.
+
+    A remedy that asks to read a length again changes nothing by itself: it ``opens`` that length.
+
+    Parameters
+    ----------
+    remedies
+        Remedies, likeliest first; None for a cause without one.
+    lines
+        Known lengths as adjusted.
+    index
+        Numbers of the photos by name.
+
+    Notes
+    -----
+    A remedy for a photo or a length that the page does not have is left out: applying half of it
+    would be worse than nothing.
+    """
+    found: list[m.Mend] = []
+    for remedy in dict.fromkeys(one for one in remedies if one is not None):
+        if remedy.action == "read":
+            names = [one.length for one in remedy.corrections]
+            if all(lines.name.count(name) == 1 for name in names):
+                found.append({"words": remedy.words, "changes": [], "opens": names[0]})
+            continue
+        changes = [
+            change
+            for one in remedy.corrections
+            if (change := _change(one, lines, index)) is not None
+        ]
+        if changes and len(changes) == len(remedy.corrections):
+            found.append({"words": remedy.words, "changes": changes})
+    return found
+
+
+def _change(one: Correction, lines: KnownLines, index: Mapping[str, int]) -> m.Json | None:
+    """Return a change in the form that the page sends; None if the page has no such item."""
+    if one.action in ("length", "ends", "remove-length"):
+        return _line(one, lines)
+    if one.frame and one.frame not in index:
+        return None
+    image = index.get(one.frame)
+    what: m.Json = {"label": one.label}
+    if one.action == "swap":
+        what |= {"t": "swap", "image": image, "other": one.other}
+    elif one.action == "unpick":
+        what |= {"t": "unpick", "image": image}
+    elif one.action == "move":
+        u, v = one.pixel_px
+        what |= {"t": "place", "image": image, "u_px": u, "v_px": v}
+    elif one.action in ("free", "on-ground"):
+        what |= {"t": "height", "height_m": None, "is_free": one.action == "free"}
+    else:
+        return None
+    return what
+
+
+def _line(one: Correction, lines: KnownLines) -> m.Json | None:
+    if lines.name.count(one.length) != 1:
+        return None
+    if one.action == "remove-length":
+        return {"t": "remove-line", "name": one.length}
+    i = lines.name.index(one.length)
+    start, end = one.ends or (lines.start[i], lines.end[i])
+    return {
+        "t": "line",
+        "was": one.length,
+        "name": one.length,
+        "start": start,
+        "end": end,
+        "length_m": float(lines.length_m[i]) if one.length_m is None else one.length_m,
+        "sigma_m": float(lines.sigma_m[i]),
+        "adjust": bool(lines.adjust[i]),
+    }
+
+
+UNCHECKED_POINT = (
+    "Nothing checks it: a wrong click here would not show. Mark it in one more photo, or tape a "
+    "length to it."
+)
+UNDETECTABLE_LENGTH = "Not used: mark both of its ends in photos."
+REMOVED_LENGTH = "It does not fit and was left out: read the tape again."
+REMOVED_PICK = "A mark of it does not fit and was left out: look at it in its photos."
+SUSPECT_PICK = "A mark of it does not fit the others: look at it in its photos."
+_CAMERA_WORDS = {
+    **dict.fromkeys(("fx", "fy"), "camera's focal length"),
+    **dict.fromkeys(("cx", "cy"), "middle of the camera's picture"),
+    **dict.fromkeys(
+        ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"), "distortion of the camera's lens"
+    ),
+}
+REJECTED_PHOTO = "It does not fit the others and was left out."
+
+
+def encode_point_statuses(result: Result) -> dict[str, m.Trust]:
+    """Return the status of each point, and its reason."""
+    picks, named = result.picks, list_named_picks(result.verdict)
+    redundancy: dict[str, float] = {}
+    states: dict[str, set[str]] = {}
+    for image, label, status, share in zip(
+        picks.image, picks.label, picks.status, picks.redundancy.tolist(), strict=True
+    ):
+        shown = "suspect" if (image, label) in named else status
+        states.setdefault(label, set()).add(shown)
+        redundancy[label] = max(redundancy.get(label, 0.0), float(np.nan_to_num(share)))
+    standings = {}
+    for label in result.points.label:
+        own: tuple[MeasurementStatus, str] = ("ok", "")
+        if "removed" in states.get(label, ()):
+            own = ("doubtful", REMOVED_PICK)
+        elif "suspect" in states.get(label, ()):
+            own = ("doubtful", SUSPECT_PICK)
+        elif redundancy.get(label, 0.0) <= MIN_REDUNDANCY:
+            own = ("not-checked", UNCHECKED_POINT)
+        standings[label] = _worse_status(
+            result.verdict, own, (r for r in result.verdict.reasons if label in r.labels)
+        )
+    return standings
+
+
+def encode_length_statuses(result: Result) -> list[m.LengthTrust]:
+    """Return the status of each known length, its reason, and its minimal detectable bias."""
+    return [
+        {**_length(result, i), "shows": shows}
+        for i, shows in enumerate(_describe_detectable(result))
+    ]
+
+
+def _length(result: Result, i: int) -> m.Trust:
+    lines = result.lines
+    own: tuple[MeasurementStatus, str] = ("ok", "")
+    if lines.status[i] == "removed":
+        own = ("contradicted", REMOVED_LENGTH)
+    elif lines.status[i] == "suspect":
+        own = ("doubtful", "It does not fit the others: read the tape again.")
+    elif lines.status[i] == "unseen":
+        own = ("not-checked", UNDETECTABLE_LENGTH)
+    elif lines.status[i] == "used" and not lines.mdb_m[i] <= READING_ERROR_M:
+        own = ("not-checked", "A tape read 0.10 m wrong would not show in it.")
+    reasons = (r for r in result.verdict.reasons if lines.name[i] in r.lengths)
+    return _worse_status(result.verdict, own, reasons)
+
+
+def encode_photo_statuses(result: Result) -> list[m.Trust]:
+    """Return the status of each photo, and its reason."""
+    frames, verdict = result.frames, result.verdict
+    standings: list[m.Trust] = []
+    for name, status in zip(frames.frame_id, frames.status, strict=True):
+        reasons = [reason for reason in verdict.reasons if name in reason.frames]
+        if status == "rejected":
+            own: tuple[MeasurementStatus, str] = ("contradicted", REJECTED_PHOTO)
+            standings.append(_worse_status(verdict, own, iter(reasons)))
+        elif status == "refined" or reasons:
+            standings.append(_worse_status(verdict, ("ok", ""), iter(reasons)))
+        else:  # the photo takes no part: nothing shown depends on it
+            standings.append({"status": "ok", "words": "", "why": ""})
+    return standings
 
 
 def encode_measurement_statuses(result: Result) -> list[m.Trust]:
@@ -92,3 +366,72 @@ def _reason(verdict: Verdict, name: str, points: tuple[str, ...]) -> str:
         if name in reason.measurements or not set(points).isdisjoint(reason.labels):
             return reason.text
     return verdict.reasons[0].text if verdict.reasons else ""
+
+
+_RANK: dict[MeasurementStatus, int] = {"ok": 0, "not-checked": 1, "doubtful": 2, "contradicted": 3}
+
+
+def _worse_status(
+    verdict: Verdict, own: tuple[MeasurementStatus, str], reasons: Iterator[Reason]
+) -> m.Trust:
+    """Return the worse of a row's own status and the status that follows from the verdict.
+
+    In a red result no row is ok: a row that a reason names is contradicted, all others doubtful.
+    """
+    status, why = own
+    reason = next(reasons, None)
+    least: MeasurementStatus = "ok"
+    if reason is not None:
+        least = "not-checked" if reason.cause == "nothing-checks" else "doubtful"
+    if verdict.level == "red":
+        least = "doubtful" if reason is None else "contradicted"
+        reason = reason or next(iter(verdict.reasons), None)
+    if _RANK[least] >= _RANK[status] and least != "ok":
+        status, why = least, why if reason is None else reason.text
+    return {"status": status, "words": "" if status == "ok" else STATUS_WORDS[status], "why": why}
+
+
+def _describe_detectable(result: Result) -> list[str]:
+    """Return the minimal detectable bias of each used length in words, with its effect."""
+    lines, evidence, unit_of = result.lines, result.evidence, _units(result)
+    found = []
+    for i, status in enumerate(lines.status):
+        words = ""
+        if status in ("used", "suspect"):
+            words = "nothing checks it: no error in it would show"
+            if math.isfinite(lines.mdb_m[i]):
+                words = f"an error shows from {size_text(float(lines.mdb_m[i]))} on"
+                on = "" if evidence is None else evidence.lines.on[i]
+                if evidence is not None and on:
+                    by = format_number(abs(float(evidence.lines.change[i])), 2)
+                    words += f"; it would move {on} by {by} {unit_of[on]}"
+        found.append(words)
+    return found
+
+
+def _units(result: Result) -> dict[str, str]:
+    rows = result.measurements
+    return {n: UNIT_WORDS.get(unit, unit) for n, unit in zip(rows.name, rows.unit, strict=True)}
+
+
+def describe_unchecked(rows: MeasurementResults, links: WeakestLinks | None) -> list[str]:
+    """Name the observation without redundancy of each unchecked measurement; empty for others.
+
+    Parameters
+    ----------
+    rows
+        The M measurements.
+    links
+        Unchecked observations of each measurement; None if they were not computed.
+    """
+    found = [""] * len(rows.name)
+    for i, status in enumerate(rows.status):
+        if links is None or status != "not-checked" or not links.unchecked[i]:
+            continue
+        unchecked = links.unchecked[i]
+        own = [one for one in unchecked if any(repr(label) in one for label in rows.points[i])]
+        others = len(unchecked) - 1
+        more = f", nor in {counted(others, 'other given value')}" if others else ""
+        named = (own or unchecked)[0]
+        found[i] = f"no error would show in the {_CAMERA_WORDS.get(named, named)}{more}"
+    return found

@@ -30,7 +30,7 @@ from uavgram.model.limits import (
 )
 from uavgram.model.observations import Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 
 MAX_MESSAGE_BYTES = 1_000_000
 MAX_POINTS = 256

@@ -16,8 +16,7 @@ from uavgram.config.board_text import parse_board
 from uavgram.errors import UavgramError
 from uavgram.io.folders import PhotoFolder
 from uavgram.model.board import CalibrationOptions
-from uavgram.picking.document.commands import Calibrate
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import Calibrate, RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.pipeline.calibrate import (
     CAMERA,

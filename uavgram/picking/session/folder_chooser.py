@@ -20,7 +20,7 @@ from uavgram.io.folders import Browsable, ListedFolder, count_photos, find_home_
 from uavgram.model.limits import LONGEST_NAME, find_unshowable, value_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.pipeline.new import PROJECT, Choices
 from uavgram.pipeline.setup import CASE, FolderSummary, Setup, SetupChoices, inspect_folder, set_up

@@ -1,6 +1,7 @@
-"""Background search for picked points in the other photos, newest picks first.
+"""Background search for picked points and targets in the other photos, newest picks first.
 
-Matches are proposed, never picked: a person decides.
+Matches are proposed, never picked: a person decides. A match carries the click's error along; where
+a person picked the centre of a target, that centre is measured in the other photos instead.
 """
 
 from __future__ import annotations
@@ -16,18 +17,19 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.imaging.matching.least_squares import Matches, RefusalReason
 from uavgram.imaging.matching.match import compute_worst_quarter_correlation
 from uavgram.imaging.photos.cache import GreyPhotos
+from uavgram.imaging.targets.uncoded import UncodedTarget
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair, source_of
 from uavgram.picking.document.state import State, make_observations
-from uavgram.picking.session.latest_task import LatestTask
-from uavgram.picking.session.picked_targets import PickedTargets
 from uavgram.picking.session.proposal_table import ProposalTable
+from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces, predict_places
 from uavgram.pipeline.pick.places_by_features import FeaturePlaces
+from uavgram.pipeline.targets import make_pick_row, recognise_picked, recognise_same
 from uavgram.stages.match import (
     CONTRADICTED,
     MAX_RADIUS_PX,
@@ -383,3 +385,64 @@ def _is_open(outcome: Outcome | None, places: PredictedPlaces, row: int) -> bool
 def _is_judged(outcome: Outcome, places: PredictedPlaces, row: int) -> bool:
     """Return whether a place is predicted at least as well as what was found there before."""
     return bool(places.radius_px[row] <= outcome.radius_px)
+
+
+class PickedTargets:
+    """Targets at picks, and their centres at matches of those picks.
+
+    Parameters
+    ----------
+    survey
+        The project.
+    photos
+        Grey pixels.
+    """
+
+    def __init__(self, survey: LiveSurvey, photos: GreyPhotos) -> None:
+        self._survey, self._photos = survey, photos
+        self._known: dict[tuple[Pair, float, float], UncodedTarget | None] = {}
+
+    def target_at(self, match: c.Place, affine: Floats) -> c.Place:
+        """Return the target's centre if the pick is on a target that is clear at the match too.
+
+        Otherwise return the match.
+
+        Parameters
+        ----------
+        match
+            Match, with the pick that it was found from.
+        affine
+            (2, 2) d pixel there / d pixel of the pick.
+        """
+        own = self._at_pick(match)
+        if own is None:
+            return match
+        # map the offset from click to centre into the other photo: p' = p_match + A d
+        aside = own.pixel_px - [match.from_u_px, match.from_v_px]
+        place = np.array([match.u_px, match.v_px]) + affine @ aside
+        photo = self._photos.photos.get(match.image)
+        there = recognise_same(photo, own.kind, place, match.sigma_px or 0.0)
+        if there is None:
+            return match
+        focal = float(self._survey.inputs.calibration.parameters[0])
+        row = make_pick_row(match.image, match.label, there, focal)
+        return replace(
+            match,
+            u_px=row.u_px,
+            v_px=row.v_px,
+            sigma_px=row.sigma_px,
+            source="target",
+            score=row.score,
+            from_image="",
+            from_u_px=None,
+            from_v_px=None,
+        )
+
+    def _at_pick(self, match: c.Place) -> UncodedTarget | None:
+        """Return the target at the source pick of a match; each pick is searched once."""
+        u, v = match.from_u_px or 0.0, match.from_v_px or 0.0
+        key = (match.from_image, match.label), u, v
+        if key not in self._known:
+            photo = self._photos.photos.get(match.from_image)
+            self._known[key] = recognise_picked(photo, match.label, np.array([u, v]), np.nan)
+        return self._known[key]

@@ -13,14 +13,13 @@ from anyio import to_thread
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.calibration_job import CalibrationJob
 from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.storage.file_watch import FileWatch
-from uavgram.picking.storage.set_aside import Changes, SetAside, find_oldest, list_changes
-from uavgram.picking.storage.tables import Tables
+from uavgram.picking.storage.journal import Changes, SetAside, find_oldest, list_changes
+from uavgram.picking.storage.tables import FileWatch, Tables
 from uavgram.pipeline.calibrate import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey

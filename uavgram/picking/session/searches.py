@@ -1,16 +1,44 @@
-"""All background searches in a project's photos during picking."""
+"""Background searches in a project's photos during picking: picked points, and coded plates.
+
+The code of a plate identifies the point at each corner, so it needs no pick and no pose.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import logging
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 
+from uavgram.config.board_text import parse_board
+from uavgram.errors import InputError
 from uavgram.imaging.photos.cache import GreyPhotos
+from uavgram.imaging.plates import sight_board_plate, sight_large_plates
+from uavgram.imaging.raster import Image
 from uavgram.io.photos.catalogue import read_grey
+from uavgram.model.observations import RejectedPlate, SeenPlate
+from uavgram.model.options import TargetOptions
+from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair
-from uavgram.picking.session.plate_search import PlateSearch
+from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.session.point_search import PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable, Tell
+from uavgram.picking.session.workers import LatestTask
+from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
+from uavgram.pipeline.targets import list_named_points
+from uavgram.stages.plates import TargetRow, asked_centers, rows_of
+
+log = logging.getLogger(__name__)
+
+MAX_PX = 13_000_000
+"""Largest photo searched at full resolution [px].
+
+A larger one is searched reduced, which saves time and memory of the page; the plates found are
+measured in the full photo.
+"""
+
+ReadReduced = Callable[[str, int], Image]
+"""Decoder of a photo by name, reduced by an integer factor each way: 1, 2, 4 or 8."""
 
 
 class Searches:
@@ -74,3 +102,108 @@ class Searches:
         self._seeker.stop()
         self._plates.stop()
         self._grey.stop()
+
+
+class PlateSearch:
+    """Worker that searches for a project's plates.
+
+    Parameters
+    ----------
+    inputs
+        The project; without `targets` the search is off.
+    photos
+        Grey pixels.
+    read
+        Decoder of reduced photos.
+    proposed
+        Receiver of the results.
+    """
+
+    def __init__(
+        self, inputs: Inputs, photos: GreyPhotos, read: ReadReduced, proposed: ProposalTable
+    ) -> None:
+        self._inputs, self._photos, self._read = inputs, photos, read
+        self._proposed = proposed
+        self._seen: dict[str, tuple[SeenPlate, ...]] = {}
+        self._newest: LatestTask[State] = LatestTask({"plates": self._work})
+
+    def start(self) -> None:
+        """Start the worker if the project describes targets."""
+        if self._inputs.project.targets is not None:
+            self._newest.start()
+
+    def submit(self, state: State) -> None:
+        """Continue the search, and propose the points that this state needs."""
+        self._newest.submit(state)
+
+    def stop(self) -> None:
+        """End after the current photo."""
+        self._newest.stop()
+
+    def _work(self) -> None:
+        state: State | None = None
+        while (state := self._newest.newer(state)) is not None:
+            try:
+                self._seek(state)
+            except Exception:  # a bug here must not end the worker: picking goes on
+                log.exception("the search for plates failed")
+
+    def _seek(self, state: State) -> None:
+        targets = self._inputs.project.targets
+        self._propose(state)
+        for name in self._inputs.photos.frame_id:
+            if targets is None or self._newest.is_outdated(state):
+                return
+            if name not in self._seen:
+                self._seen[name] = self._sighted(name, targets)
+                self._propose(state)
+
+    def _sighted(self, name: str, targets: TargetOptions) -> tuple[SeenPlate, ...]:
+        """Return the plates in a photo; none if it cannot be read, which other searches report."""
+        try:
+            if targets.is_board:
+                return sight_board_plate(self._photos.photos.get(name), parse_board(targets.family))
+            factor = self._reduction(name)
+            small = self._photos.photos.get(name) if factor == 1 else self._read(name, factor)
+            return sight_large_plates(
+                small, factor, lambda: self._photos.photos.get(name), targets.family
+            )
+        except InputError as why:
+            log.warning("no plates were sought: %s", why)
+            return ()
+
+    def _reduction(self, name: str) -> int:
+        photos = self._inputs.photos
+        k = photos.frame_id.index(name)
+        size = float(photos.width_px[k]) * float(photos.height_px[k])
+        return next((one for one in (1, 2, 4) if size <= MAX_PX * one**2), 8)
+
+    def _propose(self, state: State) -> None:
+        """Propose the corners, and the centres that lengths and measurements name now."""
+        picks, lines = make_observations(state)
+        now = replace(self._inputs, picks=picks, lines=lines, requests=state.requests)
+        plates = {
+            p.plate for some in self._seen.values() for p in some if p.left_out is RejectedPlate.NO
+        }
+        named, known = list_named_points(now)
+        rows = rows_of(self._seen, asked_centers(plates, named, known, picks))
+        new = {(row.image, row.label): _outcome(row) for row in rows}
+        self._proposed.put(new, gone=self._no_more(new))
+
+    def _no_more(self, new: dict[Pair, Outcome]) -> list[Pair]:
+        """Return the proposals from plates that are no longer needed."""
+        outcomes = self._proposed.outcomes
+        return [pair for pair, one in outcomes.items() if one.source is None and pair not in new]
+
+
+def _outcome(row: TargetRow) -> Outcome:
+    place = c.Place(
+        image=row.image,
+        label=row.label,
+        u_px=row.u_px,
+        v_px=row.v_px,
+        sigma_px=row.sigma_px,
+        source="target",
+        score=row.score,
+    )
+    return Outcome(source=None, radius_px=0.0, found=place)

@@ -18,7 +18,7 @@ from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.photos.preview import Tone, read_preview
 from uavgram.imaging.photos.tiles import TILE_PX, PhotoFile, TiledPhotos
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import Outcomes, make_accept_command
 from uavgram.picking.document.state import State, make_state
@@ -30,16 +30,17 @@ from uavgram.picking.protocol.encode_answers import (
     snap_json,
     ties_json,
 )
-from uavgram.picking.protocol.encode_flight import flight_json, planned_json
-from uavgram.picking.protocol.encode_places import expected_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
     control_lines_json,
+    flight_json,
     named_labels,
     photos_json,
+    planned_json,
     sample_json,
 )
+from uavgram.picking.protocol.encode_quantities import expected_json
 from uavgram.picking.protocol.encode_survey import (
     difference_json,
     messages_json,
@@ -47,9 +48,9 @@ from uavgram.picking.protocol.encode_survey import (
 )
 from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
-from uavgram.picking.session.adjustment_workers import AdjustmentWorkers, Task
 from uavgram.picking.session.point_search import SearchInput
 from uavgram.picking.session.searches import Searches
+from uavgram.picking.session.workers import AdjustmentWorkers, Task
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.pick.places import predict_known_places, predict_place

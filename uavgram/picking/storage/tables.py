@@ -1,4 +1,4 @@
-"""The project's tables on disk: picks.csv, lines.csv and measure.csv of one session.
+"""The project's tables on disk (picks, lines, measure), and changes of files by other programs.
 
 Each writing starts from the files as the session found them and changes only what differs now. So
 undoing everything restores the files byte by byte.
@@ -10,7 +10,7 @@ import errno
 import hashlib
 import logging
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.io.files import check_inside, check_own
+from uavgram.io.files import check_inside, check_own, digest_file
 from uavgram.io.outputs import ProjectLock, replace_bytes
 from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
@@ -41,6 +41,9 @@ _READERS: dict[str, Callable[..., object]] = {
 
 Contents = dict[str, bytes | None]
 """Bytes of each table by its role; None: no such file."""
+
+Stamp = tuple[int, int] | None
+"""Time and size of a file; None: no such file."""
 
 
 class Tables:
@@ -311,3 +314,58 @@ def _digests(contents: Contents) -> dict[str, str | None]:
         role: None if content is None else hashlib.sha256(content).hexdigest()
         for role, content in contents.items()
     }
+
+
+class FileWatch:
+    """Watch on the project file, the camera file and the tables of known points.
+
+    The tables that the page writes itself are watched by `Tables`.
+
+    Parameters
+    ----------
+    inputs
+        Project as read.
+
+    Attributes
+    ----------
+    last_changed
+        Names of the changed files at the last look.
+    """
+
+    def __init__(self, inputs: Inputs) -> None:
+        project = inputs.project
+        known = (project.control, project.control_lines, project.check)
+        names = (inputs.project_path, project.camera_file, *known)
+        self._files = [Path(name) for name in names if name]
+        self._known = {digest.sha256 for digest in inputs.digests}
+        self._seen: dict[Path, tuple[Stamp, bool]] = {}
+        self.last_changed: list[str] = []
+
+    def changed(self, others: Sequence[str] = ()) -> list[str]:
+        """Return the names of the files that differ from those read, `others` among them."""
+        self.last_changed = sorted(
+            {*(path.name for path in self._files if self._differs(path)), *others}
+        )
+        return self.last_changed
+
+    def _differs(self, path: Path) -> bool:
+        """Return whether the content differs; the file is read only if its size or time changed."""
+        stamp = stamp_of(path)
+        before = self._seen.get(path)
+        if before is not None and before[0] == stamp:
+            return before[1]
+        try:
+            differs = digest_file(path).sha256 not in self._known
+        except InputError:  # the file was deleted
+            differs = True
+        self._seen[path] = (stamp, differs)
+        return differs
+
+
+def stamp_of(path: Path) -> Stamp:
+    """Return time and size of a file, which change with its content; None if it does not exist."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size

@@ -30,7 +30,7 @@ import os
 import re
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import unquote_to_bytes
 
@@ -39,12 +39,42 @@ from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from uavgram.picking.web.redirect import make_redirect, make_refusal
-from uavgram.picking.web.running_server import LASTS_S, PATH, USED, WAITS, address
-from uavgram.picking.web.tabs import Tabs
+from uavgram.picking.web.running_server import (
+    LASTS_S,
+    PATH,
+    USED,
+    WAITS,
+    address,
+    make_redirect,
+    make_refusal,
+)
+
+log = logging.getLogger(__name__)
 
 MAX_OPEN = 16
 """Largest number of unused tokens; with one more, the oldest becomes invalid."""
+
+HEADERS = {
+    "content-security-policy": (
+        "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; "
+        "form-action 'none'; object-src 'none'; require-trusted-types-for 'script'"
+    ),
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "x-frame-options": "DENY",
+}
+KEY = "tab"
+"""Query parameter of an address: the key of the requesting tab."""
+_OF_THE_PROGRAM = re.compile(r"/(door|page/.*)?")  # the same for all users: nothing of a project
+POLICY_VIOLATION = 1008
+MAX_PATH = 1000
+NO_KEY = "it does not come from the page"
+WayTo = Callable[[Path | None, bool], str | None]
+MESSAGES_A_SECOND = 300
+"""Message rate; a mouse reports up to some 125 moves a second, and the page awaits each answer."""
+MESSAGES_AT_ONCE = 600
 
 
 class Tokens:
@@ -85,31 +115,6 @@ def equal_in_constant_time(given: str, wanted: str) -> bool:
     return hmac.compare_digest(given.encode(), wanted.encode())
 
 
-log = logging.getLogger(__name__)
-
-HEADERS = {
-    "content-security-policy": (
-        "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; "
-        "form-action 'none'; object-src 'none'; require-trusted-types-for 'script'"
-    ),
-    "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer",
-    "cross-origin-resource-policy": "same-origin",
-    "cross-origin-opener-policy": "same-origin",
-    "x-frame-options": "DENY",
-}
-KEY = "tab"
-"""Query parameter of an address: the key of the requesting tab."""
-_OF_THE_PROGRAM = re.compile(r"/(door|page/.*)?")  # the same for all users: nothing of a project
-POLICY_VIOLATION = 1008
-MAX_PATH = 1000
-NO_KEY = "it does not come from the page"
-WayTo = Callable[[Path | None, bool], str | None]
-MESSAGES_A_SECOND = 300
-"""Message rate; a mouse reports up to some 125 moves a second, and the page awaits each answer."""
-MESSAGES_AT_ONCE = 600
-
-
 class RateLimit:
     """Rate limit of one page: a number of messages at once, then a number per second.
 
@@ -146,6 +151,38 @@ class RateLimit:
         self._left = min(self._left + gained, self._at_once) - 1
         self._then = now
         return max(-self._left / self._per_second, 0.0)
+
+
+class Tabs:
+    """Number of open tabs, and the time without one: since the last was closed, or the beginning.
+
+    Parameters
+    ----------
+    clock
+        Clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._open = clock, 0
+        self._none_since_s = clock()
+
+    @contextlib.contextmanager
+    def one(self) -> Iterator[None]:
+        """Count a tab while it is open."""
+        self._open += 1
+        try:
+            yield
+        finally:
+            self._open -= 1
+            self._none_since_s = self._clock()
+
+    def expect(self) -> None:
+        """Restart the time without a tab, as a new address was given."""
+        self._none_since_s = self._clock()
+
+    def gone_s(self) -> float:
+        """Return the time without a tab [s]; 0 while one is open."""
+        return 0.0 if self._open else self._clock() - self._none_since_s
 
 
 class Guard:

@@ -19,7 +19,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavgram.errors import UavgramError
 from uavgram.io.folders import PROJECT
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web import running_server

@@ -3,18 +3,24 @@
 Each server leaves a locked file in the user's own folder, which only that user can read: its port,
 and a secret. A request with the secret gets an address with a token for one browser. A file that
 nobody holds locked is of a killed server; another program may use its port by now.
+
+The page's address holds a token, and other users can read command lines in the list of processes;
+so the browser is given a file that only its own user can read.
 """
 
 from __future__ import annotations
 
 import contextlib
+import html
 import http.client
 import json
 import logging
 import os
 import re
+import shutil
 import socket
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -22,7 +28,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uavgram.errors import UavgramError
-from uavgram.io.files import read_own
+from uavgram.io.files import open_own, read_own
 from uavgram.io.outputs import FileLock, is_locked
 
 log = logging.getLogger(__name__)
@@ -39,7 +45,7 @@ STARTS_WITHIN_S = 60.0
 _ANSWERED_AFTER_S = 10.0
 _LOOK_EVERY_S = 0.1
 _SUFFIX = ".door"
-_FRESH = re.compile(r"(/(?:door)?)\?token=([\w-]{43})", re.ASCII)  # 32 bytes, see tokens.py
+_FRESH = re.compile(r"(/(?:door)?)\?token=([\w-]{43})", re.ASCII)  # 32 bytes, see `guard.Tokens`
 
 
 @dataclass(frozen=True)
@@ -213,3 +219,50 @@ def _ask(door: ServerAddress, more: dict[str, str]) -> str:
             return answer.read(1000).decode("ascii") if answer.status == 200 else ""
         except (OSError, ValueError, http.client.HTTPException):
             return ""
+
+
+class RedirectFile:
+    """File readable by this user alone that redirects to an address, until it is removed.
+
+    Parameters
+    ----------
+    address
+        Target of the redirect.
+
+    Attributes
+    ----------
+    uri
+        Address of the file, to be opened.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._folder = Path(tempfile.mkdtemp(prefix="uavgram-"))  # mode 0700
+        path = self._folder / "open.html"
+        handle = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(make_redirect(address))
+        self.uri = path.as_uri()
+
+    def remove(self) -> None:
+        """Remove the file, if it still exists."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def make_redirect(address: str) -> str:
+    """Return a document that redirects at once."""
+    return (
+        '<!doctype html><meta charset="utf-8"><title>uavgram pick</title>'
+        f'<meta http-equiv="refresh" content="0;url={html.escape(address)}">\n'
+    )
+
+
+def make_refusal(why: str) -> str:
+    """Return a document that explains how to get an address with a valid token."""
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>uavgram pick</title>'
+        '<meta name="color-scheme" content="light dark">'
+        f"<h1>This page needs a fresh address</h1><p>{html.escape(why)} Nothing is lost.</p>"
+        "<p>Start uavgram once more, the same way as before: by its icon on the desktop, or by "
+        "<code>uavgram</code> in a terminal. While the first one runs, that opens the page in a "
+        "new tab, as it was left.</p></html>\n"
+    )

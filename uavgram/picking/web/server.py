@@ -13,9 +13,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
-from uavgram.picking.protocol.encode_units import collect_lengths, convert_units, list_kept_names
+from uavgram.picking.protocol.encode_quantities import (
+    collect_lengths,
+    convert_units,
+    list_kept_names,
+)
 from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession

@@ -1,15 +1,22 @@
-"""Serve the page on this machine: a project, or the choice of one."""
+"""Serve the page on this machine: time limits of connections, and an orderly end."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
+import signal
 import socket
-from collections.abc import Callable
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FrameType
 
+import h11
 import uvicorn
 from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from uavgram.errors import UavgramError
 from uavgram.io.folders import PROJECT
@@ -17,16 +24,27 @@ from uavgram.picking.protocol.parse import MAX_MESSAGE_BYTES
 from uavgram.picking.session.folder_chooser import FolderChooser
 from uavgram.picking.web import running_server
 from uavgram.picking.web.guard import Guard
-from uavgram.picking.web.memory import return_large_blocks
 from uavgram.picking.web.project_host import ProjectHost, RunProject
-from uavgram.picking.web.request_timeout import TimeoutProtocol
-from uavgram.picking.web.shutdown import shut_down_orderly
+from uavgram.pipeline.process_settings import return_large_blocks
 from uavgram.pipeline.threads import with_one_blas_thread
 
 log = logging.getLogger(__name__)
 
 ENDS_AFTER_S = 600.0
 """Time without an open tab after which the server ends [s]: then others can open the project."""
+
+HEADERS_S = 10.0
+"""Time from the connection to the end of the headers [s]; a local browser needs milliseconds."""
+
+MAX_SILENT = 64
+"""Largest number of connections without a complete request.
+
+With one more, the oldest of them is closed, so that the latest, such as a person's, always gets
+in.
+"""
+
+_KILLED = 128
+"""Value that a shell adds to the number of the signal that ended a program."""
 
 
 def open_socket(port: int) -> socket.socket:
@@ -144,3 +162,90 @@ class PageServer(uvicorn.Server):
             log.info("ended, as no tab has been open for a while")
             self.should_exit = True
         return await super().on_tick(counter)
+
+
+class TimeoutProtocol(H11Protocol):
+    """HTTP protocol of uvicorn with a time limit for the headers, which uvicorn lacks."""
+
+    _overdue: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Start the time limit."""
+        super().connection_made(transport)
+        self._wait()
+        silent = [
+            one for one in self.connections if isinstance(one, TimeoutProtocol) and one.is_silent
+        ]
+        if len(silent) > MAX_SILENT:
+            min(silent, key=lambda one: one.due_s).let_go()
+
+    def data_received(self, data: bytes) -> None:
+        """Process received data; keep the time limit until the request is complete."""
+        super().data_received(data)
+        if self.cycle is not None and not self.cycle.response_complete:
+            self._answered()
+        elif not self.transport.is_closing() and self.transport.get_protocol() is self:
+            self._wait()
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Pass the connection on: its request is complete."""
+        self._answered()
+        super().handle_websocket_upgrade(event)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Cancel the time limit."""
+        self._answered()
+        super().connection_lost(exc)
+
+    @property
+    def is_silent(self) -> bool:
+        """Return whether no complete request has come yet."""
+        return self._overdue is not None
+
+    @property
+    def due_s(self) -> float:
+        """Time by which the request must be complete, by the loop's clock."""
+        return 0.0 if self._overdue is None else self._overdue.when()
+
+    def let_go(self) -> None:
+        """Close the connection without an answer."""
+        log.info("closed a connection that did not say what it wants")
+        self._answered()
+        self.transport.abort()
+
+    def _wait(self) -> None:
+        if self._overdue is None:
+            self._overdue = self.loop.call_later(HEADERS_S, self.let_go)
+
+    def _answered(self) -> None:
+        if self._overdue is not None:
+            self._overdue.cancel()
+            self._overdue = None
+
+
+@contextlib.contextmanager
+def shut_down_orderly() -> Iterator[None]:
+    """Leave the enclosed block by an exception where a signal would end the program at once.
+
+    uvicorn stops at SIGTERM, and then sends it again as if it had not caught it: by default that
+    ends the program before anything is cleared away. At SIGHUP it does not even stop.
+    """
+    if threading.current_thread() is not threading.main_thread():  # it gets no signals
+        yield
+        return
+    before = {signal.SIGTERM: signal.signal(signal.SIGTERM, _leave)}
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # no nohup
+        before[signal.SIGHUP] = signal.signal(signal.SIGHUP, _terminate)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _leave(number: int, _: FrameType | None) -> None:
+    sys.exit(_KILLED + number)
+
+
+def _terminate(_number: int, _: FrameType | None) -> None:
+    signal.raise_signal(signal.SIGTERM)

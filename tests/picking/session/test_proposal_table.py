@@ -15,7 +15,7 @@ from textured_ground import NAMES, Textured, write_textured
 
 from uavgram.io.tables.picks import read_picks
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.project import OpenProject
 

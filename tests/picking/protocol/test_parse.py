@@ -1,4 +1,4 @@
-"""What the page accepts is what the readers of the tables accept: neither more nor less."""
+"""The page accepts what the readers of the tables accept; the journal finds all of it again."""
 
 from __future__ import annotations
 
@@ -15,9 +15,13 @@ from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.limits import LONGEST_NAME
 from uavgram.model.options import OptionsError, TapeOptions
-from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.commands import RefusedError
+from uavgram.picking.document.history import apply_change
+from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
+from uavgram.picking.storage.journal import Journal, load_journal
 
 PHOTOS = (PhotoSize("P1.jpg", 640, 480),)
 NUMBERS = (
@@ -170,3 +174,98 @@ def test_null_is_the_same_as_no_field(fields: Json) -> None:
 
     assert absent
     assert with_nulls == parse_message(json.dumps({"seq": 1, **fields}), PHOTOS)
+
+
+# Labels merged and split: as the page says it, and as the journal finds it again.
+
+
+NAMES = ("P1.jpg", "P2.jpg")
+TWO_PHOTOS = tuple(PhotoSize(name, 640, 480) for name in NAMES)
+MERGE: Json = {"t": "merge", "label": "A", "into": "B"}
+SPLIT: Json = {"t": "split", "label": "C", "new": "D", "images": [1]}
+
+
+def parsed(body: Json) -> object:
+    return parse_message(json.dumps({"seq": 1, **body}), TWO_PHOTOS).body
+
+
+def test_photos_are_named_by_their_numbers_and_which_picks_stay_may_be_left_open() -> None:
+    assert parsed(MERGE) == c.Merge(label="A", into="B")
+    assert parsed(MERGE | {"keep": "A"}) == c.Merge(label="A", into="B", keep="A")
+    assert parsed(SPLIT) == c.Split(label="C", new="D", images=("P2.jpg",))
+
+
+@pytest.mark.parametrize(
+    ("images", "why"),
+    [([], "a list of 1 to 2 photos"), ("01", "a list of"), ([2], "no photo 2"), ([0] * 3, "1 to")],
+)
+def test_a_split_is_of_photos_that_are_there(images: object, why: str) -> None:
+    with pytest.raises(RefusedError, match=why):
+        parsed(SPLIT | {"images": images})
+
+
+@pytest.mark.parametrize("body", [MERGE, SPLIT, {"t": "all", "changes": [SPLIT, MERGE]}])
+def test_both_are_found_again_after_a_crash(body: Json, tmp_path: Path) -> None:
+    picks = [(0, "A"), (1, "B"), (0, "C"), (1, "C")]
+    state = State(
+        picks=tuple(Pick(image=NAMES[k], label=label, u_px=1, v_px=2) for k, label in picks)
+    )
+    command = parsed(body)
+    assert isinstance(command, c.Change)
+    journal = Journal(tmp_path / "journal.jsonl", fresh=True)
+    journal.open(state, {}, resumed=False)
+    journal.record(command, 0)
+    journal.close()
+    left = load_journal(journal.path).session
+
+    assert left is not None
+    assert left.state == apply_change(state, command)
+
+
+# Several changes in one message: as the page sends them, and as the journal finds them again.
+
+
+STATE = State(
+    picks=(
+        Pick(image="P1.jpg", label="A", u_px=1, v_px=2),
+        Pick(image="P1.jpg", label="B", u_px=3, v_px=4),
+    )
+)
+SWAP: Json = {"t": "swap", "image": 0, "label": "A", "other": "B"}
+MEASURE: Json = {"t": "measure", "was": "", "name": "d", "kind": "distance", "points": ["A", "B"]}
+
+
+def test_a_swap_names_a_photo_or_means_all_of_them() -> None:
+    assert parsed(SWAP) == c.Swap(image="P1.jpg", label="A", other="B")
+    assert parsed(SWAP | {"image": None}) == c.Swap(image="", label="A", other="B")
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ([], "a list of 1 to"),
+        (["swap"], "must hold objects"),
+        ([SWAP | {"image": 7}], "no photo 7"),
+        ([SWAP | {"seq": 1}], "unknown field 'seq'"),
+        ([{"t": "undo"}], "'undo' is no change"),
+        ([{"t": "all", "changes": [SWAP]}], "'all' is no change"),
+        ([{"t": "explode"}], "'explode' is no change"),
+    ],
+)
+def test_changes_that_cannot_be_made_together_are_refused(changes: list[object], why: str) -> None:
+    with pytest.raises(RefusedError, match=why):
+        parsed({"t": "all", "changes": changes})
+
+
+def test_several_changes_are_found_again_after_a_crash(tmp_path: Path) -> None:
+    command = parsed({"t": "all", "changes": [SWAP, MEASURE]})
+    assert isinstance(command, c.All)
+    journal = Journal(tmp_path / "journal.jsonl", fresh=True)
+    journal.open(STATE, {}, resumed=False)
+    journal.record(command, 0)
+    journal.close()
+    left = load_journal(journal.path).session
+
+    assert left is not None
+    assert left.state == apply_change(STATE, command)
+    assert len(left.past) == 1

@@ -422,7 +422,7 @@ def test_more_pages_than_people_open_are_refused(server: Server, entry: Entry) -
 
 def test_a_project_has_a_greatest_size() -> None:
     from uavgram.picking.document import commands as c
-    from uavgram.picking.document.errors import RefusedError
+    from uavgram.picking.document.commands import RefusedError
     from uavgram.picking.document.state import Pick, State
 
     picks = tuple(Pick(image="a", label=str(k), u_px=1, v_px=1) for k in range(MAX_ITEMS))

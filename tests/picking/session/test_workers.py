@@ -12,8 +12,8 @@ import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document.state import Pick, State
-from uavgram.picking.session import adjustment_workers as module
-from uavgram.picking.session.adjustment_workers import AdjustmentWorkers, Task
+from uavgram.picking.session import workers as module
+from uavgram.picking.session.workers import AdjustmentWorkers, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 LONGEST_WAIT_S = 60.0

@@ -22,8 +22,8 @@ from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.parse import Message
-from uavgram.picking.session.adjustment_workers import Task
 from uavgram.picking.session.session import PickSession
+from uavgram.picking.session.workers import Task
 from uavgram.picking.storage.journal import JOURNAL, Journal, load_journal
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs

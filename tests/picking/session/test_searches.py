@@ -19,9 +19,9 @@ from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import BY_HAND, make_accept_command
 from uavgram.picking.document.state import State
-from uavgram.picking.session import plate_search as module
-from uavgram.picking.session.plate_search import PlateSearch
+from uavgram.picking.session import searches as module
 from uavgram.picking.session.proposal_table import ProposalTable
+from uavgram.picking.session.searches import PlateSearch
 from uavgram.pipeline.measure.inputs import read_inputs
 
 SIZE_PX = 120

@@ -1,8 +1,9 @@
-"""Workers that adjust the newest state and skip older ones.
+"""Workers that process only the newest of their tasks, such as those that adjust the newest state.
 
-Two workers: one answers at once, to first order from the last full adjustment, if the full one is
-slower than people notice or is busy with an older state; the other adjusts in full, and waits
-while a step continues (a drag). So numbers move with the pointer even if an adjustment is slow.
+Two workers adjust: one answers at once, to first order from the last full adjustment, if the full
+one is slower than people notice or is busy with an older state; the other adjusts in full, and
+waits while a step continues (a drag). So numbers move with the pointer even if an adjustment is
+slow.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document.state import State, make_observations
@@ -21,7 +23,6 @@ from uavgram.picking.protocol.encode_survey import (
     linearised_json,
     unadjusted_json,
 )
-from uavgram.picking.session.latest_task import LatestTask
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 log = logging.getLogger(__name__)
@@ -40,9 +41,67 @@ FAULT = (
 REST_S = 0.3
 """Pause of a step after which it is adjusted in full, though it may continue [s]."""
 
-
+AnyTask = TypeVar("AnyTask")
 Answer = Callable[[int, m.Adjustment], None]
 """Receiver of a state's number and its results, called from a worker's thread."""
+
+
+class LatestTask(Generic[AnyTask]):
+    """The newest task, and the threads that work on it; older tasks are skipped.
+
+    Parameters
+    ----------
+    workers
+        Function that each thread runs, by its name: until `newer` returns None.
+
+    Attributes
+    ----------
+    changed
+        Condition held while the attributes are read or set; notified when they change.
+    task
+        The newest task; None before the first.
+    is_over
+        Whether the threads are to end.
+    """
+
+    def __init__(self, workers: Mapping[str, Callable[[], None]]) -> None:
+        self.changed = threading.Condition()
+        self.task: AnyTask | None = None
+        self.is_over = False
+        self._threads = [
+            threading.Thread(target=work, name=name, daemon=True) for name, work in workers.items()
+        ]
+
+    def start(self) -> None:
+        """Start the threads."""
+        for thread in self._threads:
+            thread.start()
+
+    def submit(self, task: AnyTask) -> None:
+        """Make this the newest task."""
+        with self.changed:
+            self.task = task
+            self.changed.notify_all()
+
+    def newer(self, than: AnyTask | None) -> AnyTask | None:
+        """Wait for a task newer than the last one; None after `stop`."""
+        with self.changed:
+            self.changed.wait_for(lambda: self.task is not than or self.is_over)
+            return None if self.is_over else self.task
+
+    def is_outdated(self, task: AnyTask) -> bool:
+        """Return whether there is a newer task, or `stop` was called."""
+        with self.changed:
+            return self.task is not task or self.is_over
+
+    def stop(self) -> None:
+        """End the threads, each after its present task."""
+        with self.changed:
+            self.is_over = True
+            self.changed.notify_all()
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join()
 
 
 @dataclass(frozen=True)
