@@ -9,7 +9,7 @@ import pytest
 from open_projects import change, opened
 from opened_pages import PageOpener
 from pick_pages import small_project
-from picking_pages import place, show_photo
+from picking_pages import drawn, eventually, place, show_photo, to_page
 from picking_server import served
 from playwright.sync_api import expect
 
@@ -189,3 +189,39 @@ def test_the_tab_of_frames_tells_matching_clock_and_seeds(
         panel.get_by_role("button", name="Show IMG_0028.jpg").click()
         expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0028.jpg")
         assert not open_page.errors
+
+
+def test_a_reload_keeps_tool_photos_and_view_of_this_tab(
+    project: Path, open_page: PageOpener
+) -> None:
+    with served(project) as server:
+        page = open_page(server)
+        page.keyboard.press("Control+2")
+        panes = page.locator(".pane")
+        panes.nth(1).get_by_label("Photo", exact=True).select_option("P1.jpg")
+        panes.nth(0).get_by_label("Photo", exact=True).select_option("P2.jpg")
+        page.mouse.move(*to_page(page, 300, 200))
+        page.mouse.wheel(0, -600)
+        page.keyboard.press("d")
+        eventually(page, lambda: float(panes.nth(0).get_attribute("data-scale") or 0) > 1)
+        drawn(page)
+        names = ("image", "scale", "left", "top")
+        before = [[panes.nth(k).get_attribute(f"data-{name}") for name in names] for k in (0, 1)]
+        page.reload()
+        expect(page.get_by_role("radio", name="Distance")).to_be_checked()
+        expect(panes).to_have_count(2)
+        for pane, values in enumerate(before):
+            for name, value in zip(names, values, strict=True):
+                expect(panes.nth(pane)).to_have_attribute(f"data-{name}", value or "")
+        page.keyboard.press("Escape")
+        expect(page.get_by_role("radio", name="Distance")).not_to_be_checked()
+        page.get_by_role("tab", name="Camera").click()
+        page.reload()
+        expect(page.get_by_role("tab", name="Camera")).to_have_attribute("aria-selected", "true")
+        expect(page.locator('[data-tool="pick"]')).to_be_checked()
+        assert not open_page.errors
+
+        other = page.context.new_page()  # a tab of its own begins as always
+        other.goto(server.guard.address())
+        expect(other.locator(".pane")).to_have_count(1)
+        expect(other.locator('[data-tool="pick"]')).to_be_checked()

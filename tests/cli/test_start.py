@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +39,46 @@ def test_it_is_settled_before_they_are_loaded(given: str | None, expected: str) 
         [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines() == ["False False", f"True {expected}", expected]
+
+
+ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+def uavgram_in(environment: dict[str, str], *words: str | Path) -> tuple[int, str]:
+    """Status and error output of a command of its own process."""
+    done = subprocess.run(
+        [sys.executable, "-m", "uavgram", *words],
+        env={**os.environ, **environment},
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    return done.returncode, done.stderr
+
+
+def test_names_with_umlauts_are_taken_where_the_system_knows_ascii_only(
+    project: Project, tmp_path: Path
+) -> None:
+    folder = tmp_path / "Fälle"
+    shutil.copytree(project.folder, folder)
+    assert uavgram_in(ASCII, "check", folder) == (0, "")
+    status, _ = uavgram_in(ASCII, "run", folder, "--output", folder / "höher", "--quiet")
+    assert status == 0
+    assert (folder / "höher" / "ground.tif").is_file()
+    (folder / "project.yaml").unlink()
+    assert uavgram_in(ASCII, "new", folder)[0] == 0
+    assert "'Föhn' is neither a command nor" in uavgram_in(ASCII, "Föhn")[1]
+
+
+def test_a_folder_whose_name_is_no_text_takes_no_results_and_is_one_message(
+    project: Project, tmp_path: Path
+) -> None:
+    odd = Path(os.fsdecode(os.fsencode(tmp_path) + b"/h\xf6her"))
+    status, said = uavgram_in({}, "run", project.folder, "--output", odd)
+    assert status == 1
+    assert r"h\xf6her: a name in this path is no text" in said
+    assert said.count("\n") == 1
+    assert not odd.exists()
 
 
 # Same input, same output: whatever the environment, to the last digit.

@@ -21,9 +21,70 @@ def computer(home: Path, platform: str, python: str = sys.executable, **environ:
     return Computer(platform=platform, python=python, icon=icon, home=home, environ=environ)
 
 
-def test_windows_gets_a_batch_file_that_takes_a_dropped_folder(tmp_path: Path) -> None:
+class PowerShell:
+    """Takes the place of `subprocess.run`: keeps the command, and writes the link or fails."""
+
+    def __init__(self, status: int = 0, fault: Exception | None = None) -> None:
+        self.status, self.fault = status, fault
+        self.command: list[str] = []
+        self.paths: dict[str, str] = {}
+
+    def __call__(self, command: list[str], *, env: dict[str, str], **_: object) -> object:
+        self.command = command
+        self.paths = {k: v for k, v in env.items() if k.startswith("UAVGRAM_")}
+        if self.fault is not None:
+            raise self.fault
+        if self.status == 0:
+            Path(env["UAVGRAM_LINK"]).write_bytes(
+                b"L\0" + env["UAVGRAM_TARGET"].encode("utf-16-le")
+            )
+        return subprocess.CompletedProcess(command, self.status)
+
+
+def test_windows_gets_a_shortcut_with_its_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shell = PowerShell()
+    monkeypatch.setattr(subprocess, "run", shell)
+    desk, own = tmp_path / "Bürotisch", tmp_path / "local"
+    desk.mkdir()
+    windows = computer(tmp_path, "win32", LOCALAPPDATA=str(own), SystemRoot=r"D:\Win")
+    for _ in range(2):  # the second replaces the first
+        assert write_shortcut(windows, desk) == (desk / "uavgram.lnk",)
+    assert shell.command[:-1] == [
+        r"D:\Win\System32\WindowsPowerShell\v1.0\powershell.exe",
+        *("-NoProfile", "-NonInteractive", "-Command"),
+    ]
+    assert shell.command[-1].isascii()
+    assert '"' not in shell.command[-1]
+    target = own / "uavgram" / "uavgram.cmd"
+    assert shell.paths == {
+        "UAVGRAM_LINK": str(desk / "uavgram.lnk"),
+        "UAVGRAM_TARGET": str(target),
+        "UAVGRAM_ICON": "/icons/icon.svg",
+    }
+    assert {f"$env:{name}" in shell.command[-1] for name in shell.paths} == {True}
+    assert b"-m uavgram %*" in target.read_bytes()
+    assert [path.name for path in desk.iterdir()] == ["uavgram.lnk"]
+    (desk / "uavgram.lnk").write_bytes(b"L of something else")
+    with pytest.raises(UavgramError, match="no shortcut"):
+        write_shortcut(windows, desk)
+
+
+@pytest.mark.parametrize(
+    "shell",
+    [
+        PowerShell(status=1),
+        PowerShell(fault=FileNotFoundError()),
+        PowerShell(fault=subprocess.TimeoutExpired("powershell", 60)),
+    ],
+)
+def test_without_powershell_it_is_a_batch_file_that_takes_a_dropped_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: PowerShell
+) -> None:
+    monkeypatch.setattr(subprocess, "run", shell)
     (path,) = write_shortcut(computer(tmp_path, "win32", r"C:\Prö 100%\python.exe"), tmp_path)
-    assert path.name == "uavgram.cmd"
+    assert path == tmp_path / "uavgram.cmd"
     lines = path.read_bytes().decode().split("\r\n")
     assert lines[1] == "chcp 65001 >nul"  # what follows is UTF-8
     assert '"C:\\Prö 100%%\\python.exe" -m uavgram %*' in lines

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -39,7 +42,7 @@ def test_a_pipe_among_the_photos_is_named_as_one(
         ("/dev/null", "/dev/null: is a device, no file"),
         (".", "is a folder, no file"),
         ("gone.jpg", "gone.jpg: is a link to a file that is not there"),
-        ("absent.jpg", "absent.jpg: matches no file; correct it"),
+        ("absent.jpg", "absent.jpg: matches no file (capitals count); correct it"),
     ],
 )
 def test_what_is_no_file_is_named_as_what_it_is(tmp_path: Path, name: str, said: str) -> None:
@@ -155,3 +158,17 @@ def test_paths_inside_the_project_are_relative_and_each_file_stands_once(tmp_pat
 def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         digest_file(tmp_path / "absent")
+
+
+def test_capitals_count_on_every_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def as_on_windows(names: Iterable[str], pattern: str) -> list[str]:
+        rule = re.compile(fnmatch.translate(pattern), re.IGNORECASE)
+        return [name for name in names if rule.match(name)]
+
+    monkeypatch.setattr(fnmatch, "filter", as_on_windows)
+    for name in ("a.JPG", "b.JPG", "c.jpg"):
+        (tmp_path / name).write_bytes(b"")
+    found = find_matching_files(str(tmp_path / "*.JPG"), "")
+    assert [path.name for path in found] == ["a.JPG", "b.JPG"]
+    with pytest.raises(InputError, match="capitals count"):
+        find_matching_files(str(tmp_path / "*.jpeg"), "")

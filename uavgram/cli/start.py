@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 
 from uavgram.cli.interrupt import set_end_status, was_interrupted, watch
@@ -17,6 +18,7 @@ def start(arguments: Sequence[str] | None) -> int:
         Ctrl+C came, even if its exception was converted to another one.
     """
     if arguments is None:  # this process is ours alone
+        _leave_ascii()
         watch()
     try:
         return set_end_status(_run(arguments))
@@ -24,6 +26,17 @@ def start(arguments: Sequence[str] | None) -> int:
         if was_interrupted():
             raise KeyboardInterrupt from fault
         raise
+
+
+def _leave_ascii() -> None:
+    """Start Python again in its UTF-8 mode if file names may have ASCII letters only.
+
+    That is so with ``LC_ALL=C`` and ``PYTHONUTF8=0``: no path with an umlaut could be shown, or
+    written into a result.
+    """
+    if sys.getfilesystemencoding() == "ascii":
+        words = [sys.executable, "-X", "utf8", *sys.orig_argv[1:]]
+        os.execv(sys.executable, words)  # noqa: S606 (the same program and arguments)
 
 
 def _run(arguments: Sequence[str] | None) -> int:

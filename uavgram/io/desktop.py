@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import stat
+import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +108,7 @@ def write_shortcut(computer: Computer, folder: Path) -> tuple[Path, ...]:
     if _NO_PYTHON_LETTERS & set(python):
         raise UavgramError(f"{python!r}: a path with quotes cannot be named in a shortcut")
     if computer.platform == "win32":
-        return (_written(folder / f"{NAME}.cmd", _windows(python)),)
+        return (_windows_icon(computer, folder),)
     if computer.platform == "darwin":
         return (_written(folder / f"{NAME}.command", _macos(python), runs=True),)
     entry = _freedesktop(python, computer.icon)
@@ -119,6 +120,52 @@ def write_shortcut(computer: Computer, folder: Path) -> tuple[Path, ...]:
         _written(folder / f"{NAME}.desktop", entry, runs=True),
         _written(menu / f"{NAME}.desktop", entry),
     )
+
+
+_MAKE_LINK = (
+    "$ErrorActionPreference = 'Stop'; "
+    "$link = (New-Object -ComObject WScript.Shell).CreateShortcut($env:UAVGRAM_LINK); "
+    "$link.TargetPath = $env:UAVGRAM_TARGET; "
+    "$link.IconLocation = $env:UAVGRAM_ICON + ',0'; "
+    "$link.WorkingDirectory = $env:USERPROFILE; "
+    "$link.Save(); "
+    "if ($link.TargetPath -ne $env:UAVGRAM_TARGET) { exit 1 }"
+)
+"""PowerShell; paths come from the environment, where no letter has a meaning."""
+_LONGEST_S = 60
+
+
+def _windows_icon(computer: Computer, folder: Path) -> Path:
+    """Write a shortcut to a batch file; where PowerShell makes none, the batch file itself."""
+    link, text = folder / f"{NAME}.lnk", _windows(computer.python)
+    _refuse_foreign(link)
+    own = Path(computer.environ.get("LOCALAPPDATA") or computer.home / "AppData" / "Local") / NAME
+    with as_output_errors(own):
+        own.mkdir(parents=True, exist_ok=True)
+    if _is_linked(computer, link, _written(own / f"{NAME}.cmd", text)):
+        return link
+    link.unlink(missing_ok=True)  # it may lead elsewhere
+    return _written(folder / f"{NAME}.cmd", text)
+
+
+def _is_linked(computer: Computer, link: Path, target: Path) -> bool:
+    """Make a shortcut with a picture by Windows itself; return whether that succeeded."""
+    windows = computer.environ.get("SystemRoot", r"C:\Windows")
+    shell = rf"{windows}\System32\WindowsPowerShell\v1.0\powershell.exe"
+    paths = {"LINK": link.resolve(), "TARGET": target, "ICON": computer.icon}
+    named = {f"UAVGRAM_{name}": str(path) for name, path in paths.items()}
+    try:
+        done = subprocess.run(  # noqa: S603 (a constant script)
+            [shell, "-NoProfile", "-NonInteractive", "-Command", _MAKE_LINK],
+            env={**computer.environ, **named},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_LONGEST_S,
+            check=False,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return False
+    return done.returncode == 0 and link.is_file()
 
 
 def _windows(python: str) -> str:
@@ -146,10 +193,18 @@ def _freedesktop(python: str, icon: Path) -> str:
     )
 
 
+def _refuse_foreign(path: Path) -> None:
+    """Raise an error for a link, and for a file of another program."""
+    names = (NAME.encode(), NAME.encode("utf-16-le"))
+    if path.is_symlink() or (
+        path.exists() and not any(name in path.read_bytes()[:4000] for name in names)
+    ):
+        raise OutputError(f"{path}: is there already, and no shortcut of uavgram: move it away")
+
+
 def _written(path: Path, text: str, *, runs: bool = False) -> Path:
     """Write a file; a link, or a file of another program, is left unchanged."""
-    if path.is_symlink() or (path.exists() and b"uavgram" not in path.read_bytes()[:4000]):
-        raise OutputError(f"{path}: is there already, and no shortcut of uavgram: move it away")
+    _refuse_foreign(path)
     replace_bytes(path, text.encode(), "--folder")
     if runs:
         path.chmod(path.stat().st_mode | stat.S_IXUSR)

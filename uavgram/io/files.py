@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import glob
 import hashlib
 import itertools
@@ -164,7 +165,7 @@ def find_matching_files(pattern: str, way_out: str) -> list[Path]:
     Parameters
     ----------
     pattern
-        May hold ``*``, ``**`` and ``[..]``.
+        May hold ``*``, ``**`` and ``[..]``. Capitals in names of files count.
     way_out
         Remedy in the message where nothing matches.
 
@@ -178,6 +179,7 @@ def find_matching_files(pattern: str, way_out: str) -> list[Path]:
         _require_few(pattern, start)
     # patterns are absolute texts that may hold ** and [..], which only glob supports
     found = glob.iglob(pattern, recursive=True)  # noqa: PTH207
+    found = (name for name in found if _has_case(name, pattern))
     names = sorted(itertools.islice(found, MAX_ENTRIES + 1))
     if len(names) > MAX_ENTRIES:
         raise InputError(pattern, f"names more than {MAX_ENTRIES:,} files: {_NARROWER}")
@@ -193,8 +195,16 @@ def find_matching_files(pattern: str, way_out: str) -> list[Path]:
         folder = Path(pattern).parent
         if folder.is_dir() and not os.access(folder, os.R_OK | os.X_OK):
             raise InputError(folder, "cannot be read: ask for the right to, or copy the photos")
-        raise InputError(pattern, f"matches no file; {way_out}")
+        raise InputError(pattern, f"matches no file (capitals count); {way_out}")
     return files
+
+
+def _has_case(name: str, pattern: str) -> bool:
+    """Return whether a file name has the capitals of its pattern, which glob ignores on Windows.
+
+    A project then has the same photos on each system.
+    """
+    return fnmatch.fnmatchcase(Path(name).name, Path(pattern).name)
 
 
 _NARROWER = "name the folder that holds the photos, such as photos/*.jpg"
@@ -240,6 +250,11 @@ def limit_entries(paths: Iterable[Path], folder: Path) -> Iterator[Path]:
         yield path
 
 
+def write_out(path: str | Path) -> str:
+    r"""Write a path as text; bytes of its names that are none become ``\x..``."""
+    return os.fsencode(path).decode(errors="backslashreplace")
+
+
 def check_name(path: Path) -> None:
     """Check that a file name can be written in other files.
 
@@ -248,10 +263,11 @@ def check_name(path: Path) -> None:
     InputError
         Names the character.
     """
-    written = os.fsencode(path).decode(errors="backslashreplace")
+    written = write_out(path)
     if written != str(path):
         raise InputError(
-            escape_unshowable(written), "the photo's name is no text that can be written: rename it"
+            escape_unshowable(written),
+            "the photo's name or that of a folder is no text that can be written: rename it",
         )
     if fault := find_unshowable(path.name):
         raise InputError(escape_unshowable(str(path)), f"the photo's name holds {fault}: rename it")

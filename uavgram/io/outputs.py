@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from uavgram.errors import OutputError, UavgramError
-from uavgram.io.files import open_own
+from uavgram.io.files import open_own, write_out
 
 if sys.platform == "win32":
     import msvcrt
@@ -312,7 +312,7 @@ def name_newer(path: Path) -> Path:
 @contextmanager
 def as_output_errors(folder: Path, option: str = "--output") -> Iterator[None]:
     """Convert failures to write below `folder` to errors that name the option for another one."""
-    _refuse_reserved(folder)
+    _refuse_names(folder)
     try:
         yield
     except OSError as fault:
@@ -525,14 +525,20 @@ def _restore(staging: Path, folder: Path, name: Path) -> None:
                 target.unlink(missing_ok=True)
 
 
-def _refuse_reserved(folder: Path) -> None:
-    """Reject the names that Windows reserves for devices.
+def _refuse_names(folder: Path) -> None:
+    """Reject names that are no text, and those that Windows reserves for devices.
 
     Raises
     ------
     OutputError
         A part of the path is one.
     """
+    written = write_out(folder)
+    if written != str(folder):
+        raise OutputError(
+            f"{written}: a name in this path is no text, so results cannot be written there; "
+            "rename the folder, or choose another one with --output"
+        )
     for part in folder.parts if sys.platform == "win32" else ():
         if part.partition(".")[0].rstrip().upper() in _DEVICES:
             raise OutputError(

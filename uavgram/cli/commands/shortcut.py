@@ -26,10 +26,11 @@ def shortcut(*, folder: Path | None = None) -> int:
 
     from uavgram.io.desktop import Computer, desktop_folder, write_shortcut
 
+    picture = "icon.ico" if sys.platform == "win32" else "icon.svg"
     computer = Computer(
         platform=sys.platform,
         python=sys.executable,
-        icon=Path(str(files("uavgram.picking") / "page" / "icon.svg")),
+        icon=Path(str(files("uavgram.picking") / "page" / picture)),
         home=Path.home(),
         environ=os.environ,
     )
@@ -37,5 +38,10 @@ def shortcut(*, folder: Path | None = None) -> int:
     print_lines(
         f"Icon: {written[0]}", *(f"In the menu of programs: {path}" for path in written[1:])
     )
+    if written[0].suffix == ".cmd":
+        print_lines(
+            "PowerShell made no shortcut (.lnk), so this is a batch file: it opens the same page, "
+            "but has the picture of all batch files."
+        )
     print_lines("It opens the page, and a lost tab again. Close its window to end the program.")
     return DONE

@@ -8,12 +8,12 @@ import { ProjectActions } from "./actions/project_actions.js";
 import { buildTools } from "./actions/tool_menu.js";
 import { Tools } from "./actions/tools.js";
 import { Link } from "./connection/link.js";
+import { keep, kept } from "./connection/kept.js";
 import { labels, pickKey, receive, store } from "./connection/store.js";
 import { as, byId, choose, node } from "./elements/dom.js";
 import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
-import { takeFirstTool } from "./door/begun.js";
 import { goOn } from "./door/server.js";
 import { unfold } from "./panel/first_steps.js";
 import { Header } from "./panel/header.js";
@@ -88,6 +88,7 @@ class App {
     throughRows(byId("panel"));
     buildHelp(as(HTMLDialogElement, byId("help")), () => this.showSteps());
     listenToKeys({ state, panes, tools, navigation, project, setPanes });
+    for (const end of ["visibilitychange", "pagehide"]) addEventListener(end, () => this.keep()); // browsers differ in which comes last
   }
 
   // Messages from the server.
@@ -134,19 +135,35 @@ class App {
 
   begin() {
     const pictures = store.photos.map((photo) => photo.digest).join();
-    if (this.pictures && this.pictures !== pictures) location.reload(); // other photos have these numbers now
+    if (this.pictures && this.pictures !== pictures) { // other photos have these numbers now
+      location.reload();
+      return;
+    }
     this.pictures = pictures;
     forgetTies();
     void this.navigation.bringTies();
     this.header.showProject();
-    if (!this.panes.all.length) this.setPanes(1);
+    if (!this.panes.all.length) this.resume();
     else for (const pane of this.panes.all) pane.show(pane.image);
     if (store.recovered) this.notice.show("Recovered what the last session confirmed and could not save.", true);
     this.tools.suggest();
-    this.panel.resume();
-    const first = takeFirstTool();
-    if (first && !store.lines.length) this.tools.setTool(first);
     byId("panes").dataset.ready = "true";
+  }
+
+  keep() {
+    const { pictures, panes, state: { tab, tool, drawsIn } } = this;
+    if (panes.all.length) keep({ tab, tool, drawsIn, pictures, panes: panes.kept });
+  }
+
+  // Shows what this tab showed before its page was loaded again.
+  resume() {
+    const { pictures, panes, drawsIn = null, tab = "measure", first = "pick", tool = store.lines.length ? "pick" : first } = kept();
+    const isSame = pictures === this.pictures; // else other photos have these numbers
+    this.setPanes(isSame && panes ? panes.views.length : 1);
+    if (isSame && panes) this.panes.resume(panes);
+    if (tab !== this.state.tab) this.panel.setTab(tab);
+    if (tool !== this.state.tool) this.tools.setTool(tool);
+    if (isSame) this.state.drawsIn = drawsIn;
   }
 
   // Drawing.

@@ -193,7 +193,7 @@ export const KEYS = [
       "[": toning({ brightness: -1 }), "]": toning({ brightness: 1 }), "{": toning({ contrast: -1 }), "}": toning({ contrast: 1 }) } },
   ]],
   ["Points", [
-    { keys: "click, Enter", what: "the point that is expected there, else a new one (Enter: in the middle of the photo)", does: { Enter: ({ tools, navigation }) => tools.proposals.acceptFocused() || navigation.enter() } },
+    { keys: "click, Enter", what: "the point that is expected there, else a new one (Enter: in the middle of the view)", does: { Enter: ({ tools, navigation }) => tools.proposals.acceptFocused() || navigation.enter() } },
     { keys: "drag, Shift + drag", what: "move; ten times finer" },
     { keys: "arrows, Shift, Alt", what: "nudge by 0.1, 1, 10 px", does: arrows("", ({ navigation }, dx, dy, { shiftKey, altKey }) => navigation.arrow(dx, dy, shiftKey ? 1 : altKey ? 10 : 0.1)) },
     { keys: "G", what: "go to where the label is expected", does: { g: ({ navigation }) => navigation.goToPredicted() } },

@@ -11,30 +11,6 @@ function stored() {
   return /** @type {Begun | null} */ (kept);
 }
 
-const FIRST_TOOL = "uavgram-first-tool";
-const PLACE = "uavgram-place";
-
-/** Keeps the listed folder, or the shown tab of a project, for when the page is loaded again. @param {string} place */
-export const keepPlace = (place) => sessionStorage.setItem(PLACE, `${location.pathname} ${place}`);
-
-/** Returns what was kept on this page; empty if nothing was. */
-export function keptPlace() {
-  const [page, place = ""] = (sessionStorage.getItem(PLACE) ?? "").split(" ");
-  return page === location.pathname ? place : "";
-}
-
-export const forgetPlace = () => sessionStorage.removeItem(PLACE);
-
-/** Chooses the tool with which the page of the project begins; empty: the usual one. @param {"length" | ""} tool */
-export const beginWith = (tool) => sessionStorage.setItem(FIRST_TOOL, tool);
-
-/** Returns that tool, once. */
-export function takeFirstTool() {
-  const tool = sessionStorage.getItem(FIRST_TOOL);
-  sessionStorage.removeItem(FIRST_TOOL);
-  return tool === "length" ? tool : null;
-}
-
 /** The number of the folder. */
 export const begunFolder = () => stored()?.number ?? null;
 export const forget = () => sessionStorage.removeItem(STORED);

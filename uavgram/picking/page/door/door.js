@@ -1,7 +1,8 @@
 // The start page: a folder of this computer becomes a project, and its page opens.
 
 import { byId, node } from "../elements/dom.js";
-import { beginWith, begunFolder, forget, forgetPlace, keepPlace, keptPlace } from "./begun.js";
+import { forgetKept, keep, kept } from "../connection/kept.js";
+import { begunFolder, forget } from "./begun.js";
 import { showFolders } from "./folders.js";
 import { keepTab } from "./tab.js";
 import { find, goOn, OpenAlready, OpenElsewhere, send } from "./server.js";
@@ -32,7 +33,7 @@ class Door {
       if (opens) opened = folder;
       else if (is_chosen && folder !== null) await this.look(folder);
       else if (begun !== null) await this.look(begun).catch(() => this.list(folder));
-      else await this.list(/^folder-\d+$/.test(keptPlace()) ? Number(keptPlace().slice(7)) : folder).catch(() => this.list(folder));
+      else await this.list(kept().folder ?? folder).catch(() => this.list(folder));
     });
     if (opened === null) return;
     await this.open({ folder: opened });
@@ -43,7 +44,7 @@ class Door {
   async list(number) {
     const shown = /** @type {ListedFolders} */ (await find(`/door/folders?folder=${number ?? ""}`));
     this.at = number;
-    keepPlace(`folder-${number ?? ""}`);
+    keep({ folder: number });
     showFolders(byId("folders"), shown, this.recent, {
       list: (inner) => void this.doing("Looking\u2026", () => this.list(inner)),
       use: (inner) => void this.doing("Looking through the folder\u2026", () => this.look(inner)),
@@ -56,10 +57,7 @@ class Door {
   async look(number) {
     const found = /** @type {Found} */ (await find(`/door/look?folder=${number}`));
     showSetup(byId("setup"), found, {
-      begin: (/** @type {Wanted} */ wanted, /** @type {boolean} */ hasLengths) => {
-        beginWith(hasLengths ? "length" : "");
-        void this.open(wanted);
-      },
+      begin: (wanted, hasLengths) => void this.open(wanted, { hasLengths }),
       back: () => { forget(); void this.doing("Looking\u2026", () => this.list(this.at)); },
       wrong: (why) => this.trouble(why),
     });
@@ -67,19 +65,20 @@ class Door {
     document.getElementById("setup-title")?.focus();
   }
 
-  /** @param {Wanted | { folder: number }} wanted @param {boolean} closes whether another project that is open is closed */
-  async open(wanted, closes = false) {
+  /** `closes`: another project that is open; `hasLengths`: the next step is to enter them. @param {Wanted | { folder: number }} wanted */
+  async open(wanted, { closes = false, hasLengths = false } = {}) {
     await this.doing("Reading photos and log\u2026", async () => {
       try {
         await send(`/door/begin?closes=${closes ? "yes" : "no"}`, wanted);
       } catch (fault) {
         if (fault instanceof OpenElsewhere) this.trouble(fault.message, [["Go to it", () => { location.replace(fault.there); }]]);
         else if (!(fault instanceof OpenAlready)) throw fault;
-        else this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, true)]]);
+        else this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, { closes: true, hasLengths })]]);
         return;
       }
       forget();
-      forgetPlace();
+      forgetKept();
+      if (hasLengths) keep({ first: "length" }, "/");
       goOn();
     });
   }

@@ -50,7 +50,7 @@ function stepsOf() {
   return [
     { words: "Mark two points", done: counts.length >= 2, how: "Click them in a photo: things on the ground, as near as the zoom allows (wheel)." },
     measure,
-    ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Page Down shows the next photo, dashed where each point should be: click it there. Only this shows a wrong click." }] : []),
+    ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Accept what the program found; or go to the next photo (Page Down), where each point should be within the dashed line, and click it there. Then a wrong click shows." }] : []),
     { words: "Enter a length that was taped, if you have one", done: store.lines.length >= 1, how: `Tool ${TOOLS.length.name} (L). It makes all values more exact; here the photos' places are known, so it can do without.` },
   ];
 }

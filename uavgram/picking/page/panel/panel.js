@@ -1,6 +1,5 @@
 // The numbers beside the photos: tabs and their foot.
 
-import { keepPlace, keptPlace } from "../door/begun.js";
 import { byId, choose } from "../elements/dom.js";
 import { showCamera } from "./camera.js";
 import { showFrames } from "./frames.js";
@@ -52,16 +51,9 @@ export class Panel {
     showOutside(byId("outside"), this.project);
   }
 
-  // Shows the tab that was shown before the page was loaded again.
-  resume() {
-    const kept = TABS.find(([name]) => name === keptPlace());
-    if (kept && kept[0] !== this.state.tab) this.setTab(kept[0]);
-  }
-
   /** @param {Tab} name */
   setTab(name) {
     this.state.tab = name;
-    keepPlace(name);
     document.body.dataset.tab = name;
     for (const covered of ["panes", "strip"]) byId(covered).inert = name === "results"; // the results cover them
     choose(byId("tabs"), (button) => button.id === `tab-button-${name}`, "aria-selected");

@@ -4,6 +4,7 @@ import { mostPicked, store } from "../connection/store.js";
 import { byId, choose } from "../elements/dom.js";
 import { Pane } from "./pane.js";
 
+/** @import { KeptPanes } from "../connection/kept.js" */
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { Link } from "../connection/link.js" */
@@ -65,6 +66,25 @@ export class Panes {
     this.events.selected(label);
     active.goTo(label, Math.max(active.view.scale, 2));
     active.markOf(label)?.focus({ preventScroll: true });
+  }
+
+  /** @returns {KeptPanes} */
+  get kept() {
+    const views = this.all.map(({ image, fitted, view: { middle, scale } }) => ({ image, fitted, middle, scale }));
+    return { views, active: this.all.findIndex((one) => one === this.active), linked: this.linked };
+  }
+
+  /** Shows photos and views as they were kept, in as many panes as there are. @param {KeptPanes} kept */
+  resume({ views, active, linked }) {
+    for (const [k, { image, fitted, middle, scale }] of views.entries()) {
+      const pane = this.all[k];
+      pane.show(image);
+      if (fitted) continue;
+      pane.view.center(...middle, scale);
+      pane.moved();
+    }
+    this.events.entered(this.all[active]);
+    if (linked) this.toggleLink();
   }
 
   rebuild() {

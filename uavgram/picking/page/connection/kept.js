@@ -1,0 +1,27 @@
+// What this tab shows, kept for when its page is loaded again.
+
+/** @import { Tab } from "../actions/page_state.js" */
+/** @import { ToolName } from "../actions/keys.js" */
+
+const STORED = "uavgram-kept";
+
+/** @typedef {{ image: number, fitted: boolean, middle: [number, number], scale: number }} KeptView */
+/** @typedef {{ views: KeptView[], active: number, linked: boolean }} KeptPanes */
+
+/**
+ * `folder`: the listed one; `first`: the tool with which a new project begins. Numbers of photos hold for `pictures`, their digests.
+ * @typedef {{ page?: string, folder?: number | null, first?: ToolName, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, panes?: KeptPanes }} Kept
+ */
+
+/** Returns what was kept of a page; nothing if another one was shown since. @param {string} page @returns {Kept} */
+export function kept(page = location.pathname) {
+  /** @type {unknown} */
+  const stored = JSON.parse(sessionStorage.getItem(STORED) ?? "{}");
+  const all = /** @type {Kept} */ (stored);
+  return all.page === page ? all : {};
+}
+
+/** @param {Kept} part @param {string} page */
+export const keep = (part, page = location.pathname) => sessionStorage.setItem(STORED, JSON.stringify({ ...kept(page), ...part, page }));
+
+export const forgetKept = () => sessionStorage.removeItem(STORED);
