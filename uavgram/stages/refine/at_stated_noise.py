@@ -9,14 +9,20 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
-from uavgram.stages.refine.causes.correction import apply_corrections
-from uavgram.stages.refine.causes.hypothesis import Diagnosis
-from uavgram.stages.refine.causes.identification import IdentifiedCauses, identify_causes
+from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
+from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis
+from uavgram.stages.refine.causes.identification import (
+    SURE_LOG_ODDS,
+    IdentifiedCauses,
+    identify_causes,
+    identify_common_errors,
+)
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.gross_errors import Robust, adjust_robustly
@@ -74,13 +80,18 @@ def adjust_at_stated_noise(
     # Robust adjustment, then causes of the gross errors.
     taking = Participants(given, keep, none, reason)
     robust = adjust_robustly(taking)
-    if robust.refined.is_log_left_out:
-        robust = _with_log_explained(taking) or robust
     survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
     left_out = list(robust.messages(given))
     survey, refined, unseen = free_unchecked_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
+    if common := _find_common_errors(taking, robust, found):
+        plain, found = common
+        if _are_all_left_out(given, robust, found):
+            found = found._replace(freed=(None,) * len(found.causes))
+        else:
+            survey, off_ground, left_out, unseen = given, [], [], ()
+            refined = replace(plain, pick_removed=removed)
     causes = found.causes
     if found.right or found.lines:
         # A height that was found from a wrong pick is removed together with it.
@@ -107,22 +118,58 @@ def adjust_at_stated_noise(
     return StatedNoiseAdjustment(given, survey, refined, off_ground, causes, (*left_out, *unseen))
 
 
-def _with_log_explained(taking: Participants) -> Robust | None:
-    """Adjust with the poses of the log, if a cause explains why they contradict all the rest.
+NUMBERS_OF_A_READING = 3
+"""Largest number of observed numbers of a single reading: a pick, a control point or a pose."""
 
-    Lengths in feet and a log that is wrong contradict each other alike. A cause explains it if the
-    poses take part in a robust adjustment of the corrected survey. None if there is no such cause.
+
+def _find_common_errors(
+    taking: Participants, robust: Robust, found: IdentifiedCauses
+) -> tuple[Refined, IdentifiedCauses] | None:
+    """Find errors common to all readings of a kind that explain more than gross errors do.
+
+    Lengths in feet and a log that is wrong contradict each other alike; with another camera, most
+    lengths or photos contradict the rest. Readings that seem to be gross errors then are none.
+
+    Parameters
+    ----------
+    taking
+        All participating observations.
+    robust, found
+        Their robust adjustment, and its causes.
+
+    Returns
+    -------
+    The ordinary adjustment of all observations with these causes; None if there are none.
     """
+    refined = robust.refined
+    left_out = Diagnosis(find_participants(robust.survey, refined), refined).left_out
+    others = robust.count_changes()
+    # One wrong reading is enough where the rest fits. So is a cause, but another camera may explain
+    # what seem to be wrong tapes.
+    accuses = any(one.settles for one in found.causes)
+    fits = compute_core_fit(refined.adjustment).probability >= MISFIT_PROBABILITY
+    if 0 < left_out + others <= NUMBERS_OF_A_READING and fits:
+        return None
+    if left_out + others == 0 and found.fits and not accuses:
+        return None
     plain = adjust_on_trial(taking, FULL)
-    if plain is None or not plain.adjustment.minimum.converged:
+    if plain is None:
         return None
-    found = identify_causes(Diagnosis(taking, plain))
-    known_less, _ = _free_wrong_priors(taking.survey, found)
-    corrected = apply_corrections(known_less, found.causes, plain)
-    again = _adjust_again(corrected.survey, taking.keep & ~corrected.without, dict(taking.reason))
-    if again is None or again.refined.is_log_left_out:
+    common = identify_common_errors(Diagnosis(taking, plain))
+    if not common.causes or common.cost + 2.0 * SURE_LOG_ODDS > found.cost + 2.0 * PRICE * others:
         return None
-    return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+    return plain, common
+
+
+def _are_all_left_out(given: Survey, robust: Robust, found: IdentifiedCauses) -> bool:
+    """Return whether the robust adjustment left out all that is wrong, and nothing else."""
+    refined, settled = robust.refined, frozenset().union(*(one.settles for one in found.causes))
+    lines = np.flatnonzero(refined.line_removed) if given.line_name else ()
+    left_out = {given.line_name[k] for k in lines}
+    left_out |= {given.label[k] for k in given.control_label[robust.control]}
+    others = len(refined.pose_widened) + len(robust.labels) + len(robust.heights)
+    spoilt = Diagnosis(find_participants(robust.survey, refined), refined).spoilt
+    return bool(settled) and settled == left_out and not others and not spoilt.any()
 
 
 TURNED_FRAME = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")

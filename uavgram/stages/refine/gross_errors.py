@@ -161,6 +161,10 @@ class Robust:
     heights: tuple[str, ...] = ()
     contradicting: tuple[str, ...] = ()
 
+    def count_changes(self) -> int:
+        """Count the numbers of control and heights that are gross errors."""
+        return 2 * len(self.control) + len(self.labels) + len(self.heights)
+
     def messages(self, survey: Survey) -> Iterator[Message]:
         """Report what was left out of control and heights, and picks that contradict."""
         yield from report_control_left_out(survey, self.refined, self.control)

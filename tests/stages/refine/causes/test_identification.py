@@ -132,10 +132,9 @@ def test_trials_end_where_the_rest_promises_less(
 
     stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
     kinds = [lambda _, one=one: [one] for one in reversed(every)]
-    monkeypatch.setattr(room, "HYPOTHESES", kinds)
     monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
     monkeypatch.setattr(room, "try_hypothesis", try_one)
-    room._find_likeliest(stands)
+    room._find_likeliest(stands, kinds)
     assert tried == promised[:trials]
 
 
@@ -149,10 +148,9 @@ def test_of_a_kind_only_the_most_promising_are_tried(monkeypatch: pytest.MonkeyP
         return replace(one, odds=0.0)
 
     stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
-    monkeypatch.setattr(room, "HYPOTHESES", (lambda _: crowd, lambda _: [other]))
     monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
     monkeypatch.setattr(room, "try_hypothesis", try_one)
-    room._find_likeliest(stands)
+    room._find_likeliest(stands, [lambda _: crowd, lambda _: [other]])
     assert tried == [*reversed(crowd[-MAX_TRIED_OF_A_KIND:]), other]
 
 

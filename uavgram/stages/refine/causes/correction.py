@@ -126,13 +126,17 @@ def readjust_corrected(
     present = diagnosis.adjustment
     survey = remove_known(widen_poses(taking.survey, taking.pose_widened), taking.known_removed)
     selection = select_picks(survey, taking.keep)
-    if hypothesis.is_of_all:
+    # Without a log that is wrong as a whole, the present state is better than first values by it.
+    is_wrong_log = diagnosis.refined.is_log_left_out and hypothesis.freed is not None
+    if hypothesis.is_of_all and not is_wrong_log:
         return adjust_on_trial(taking, FULL)
     is_bent = (
         compute_core_fit(present).probability < MIN_FIT_PROBABILITY and hypothesis.begun is None
     )
     # A photo whose pose by the log takes part again may be far from it.
-    is_far = taking.pose_widened.keys() != diagnosis.refined.pose_widened.keys()
+    is_far = (
+        taking.pose_widened.keys() != diagnosis.refined.pose_widened.keys() and not is_wrong_log
+    )
     if is_bent or is_far or not present.minimum.converged or _has_ties(selection):
         return adjust_on_trial(taking)
     start = _initial_state(diagnosis, selection)

@@ -31,8 +31,13 @@ LOG_SIGNIFICANCE = float(np.log(0.001))
 
 def needs_cause(diagnosis: Diagnosis) -> bool:
     """Return whether the survey has a misfit, or left-out observations, that need a cause."""
+    return bool(diagnosis.left_out) or has_misfit(diagnosis)
+
+
+def has_misfit(diagnosis: Diagnosis) -> bool:
+    """Return whether the participating observations do not fit."""
     adjustment = diagnosis.adjustment
-    if diagnosis.left_out or not adjustment.minimum.converged:
+    if not adjustment.minimum.converged:
         return True
     if (
         compute_core_fit(adjustment).probability < MISFIT_PROBABILITY

@@ -82,10 +82,12 @@ def _find_best_clock(diagnosis: Diagnosis, prior: TelemetryPrior) -> tuple[float
     if len(tried) < 2 or tried[0] != now_s:
         return 0.0, 0.0
     names = [survey.frame_id[k] for k in prior.frame_index]
+    stated = {diagnosis.survey.frame_id[k]: row for row, k in enumerate(every.frame_index)}
+    covariance = every.covariance[[stated[name] for name in names]]
     path = SmoothPositions(track.position_time_s, track.position_world_m)
     at_s = (prior.time_s[None] - tried[:, None]).ravel()
     place = path.at(at_s)[0].reshape(len(tried), len(names), 3)
-    weight = 1.0 / prior.covariance[:, [0, 1, 2], [0, 1, 2]]
+    weight = 1.0 / covariance[:, [0, 1, 2], [0, 1, 2]]
     # Squares of the differences from their weighted mean (the common bias), for each correction.
     off = adjustment.state.center[prior.frame_index] - place
     off = off - (np.sum(weight * off, axis=1) / weight.sum(axis=0))[:, None]
@@ -108,6 +110,9 @@ def propose_shifted_control(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         settled=partial(_of_flight, kind="position_bias"),
         freed=partial(_with_prior, position_bias_sigma_m=np.full(3, SHIFT_SIGMA_M)),
         price=widening_price(3, USUAL_SHIFT_M, stated),
+        settles=frozenset(
+            diagnosis.survey.label[k] for k in diagnosis.survey.control_label.tolist()
+        ),
     )
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from uavgram.stages.refine.causes.common_length_errors import (
     propose_common_errors,
     propose_taped_level,
 )
-from uavgram.stages.refine.causes.detection import needs_cause
+from uavgram.stages.refine.causes.detection import has_misfit, needs_cause
 from uavgram.stages.refine.causes.flight_log import (
     propose_position_step,
     propose_shifted_control,
@@ -35,7 +35,12 @@ from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.length_ends import find_label_exchange_instead, propose_other_ends
 from uavgram.stages.refine.causes.length_readings import propose_slips, propose_wrong_lengths
 from uavgram.stages.refine.causes.mirrored_photos import propose_all_mirrored
-from uavgram.stages.refine.causes.other_camera import propose_other_camera_file, propose_other_zoom
+from uavgram.stages.refine.causes.other_camera import (
+    propose_other_camera_file,
+    propose_other_lens,
+    propose_other_zoom,
+    propose_other_zoom_of_all,
+)
 from uavgram.stages.refine.causes.swapped_labels import (
     propose_swapped_by_two_views,
     propose_swapped_everywhere,
@@ -71,7 +76,10 @@ SURE_LOG_ODDS = float(np.log(20.0))
 """Logarithm of the odds above which a hypothesis is reported, or a less likely one no longer
 tried."""
 
-HYPOTHESES: tuple[Callable[[Diagnosis], Iterable[Hypothesis]], ...] = (
+Proposal: TypeAlias = Callable[[Diagnosis], Iterable[Hypothesis]]
+"""Function that proposes hypotheses of a kind for a survey."""
+
+HYPOTHESES: tuple[Proposal, ...] = (
     propose_wrong_picks,
     propose_wrong_lengths,
     propose_swapped_in_photo,
@@ -93,10 +101,26 @@ HYPOTHESES: tuple[Callable[[Diagnosis], Iterable[Hypothesis]], ...] = (
     propose_shifted_control,
     propose_shifted_heights,
     propose_position_step,
-    propose_other_camera_file,
     propose_other_zoom,
 )
 """Functions that propose hypotheses, by kind, for a survey that does not fit."""
+
+COMMON_ERRORS: tuple[Proposal, ...] = (
+    propose_slips,
+    propose_common_errors,
+    propose_taped_level,
+    propose_all_mirrored,
+    propose_swapped_everywhere,
+    propose_wrong_clock,
+    propose_turned_camera,
+    propose_shifted_control,
+    propose_shifted_heights,
+    propose_position_step,
+    propose_other_zoom_of_all,
+    propose_other_camera_file,
+    propose_other_lens,
+)
+"""Those on errors common to all readings of a kind, or to all photos."""
 
 
 class IdentifiedCauses(NamedTuple):
@@ -113,6 +137,10 @@ class IdentifiedCauses(NamedTuple):
         Picks that take part and are wrong, and those that were left out because of them.
     lines
         Lengths because of which picks were left out.
+    cost
+        Cost of the corrected survey, with the prices of the causes.
+    fits
+        Whether the corrected survey fits.
     """
 
     causes: tuple[Cause, ...]
@@ -120,6 +148,19 @@ class IdentifiedCauses(NamedTuple):
     wrong: frozenset[int] = frozenset()
     right: frozenset[int] = frozenset()
     lines: frozenset[int] = frozenset()
+    cost: float = np.inf
+    fits: bool = False
+
+
+def identify_common_errors(diagnosis: Diagnosis) -> IdentifiedCauses:
+    """Identify an error common to all readings of a kind, or to all photos; two are improbable.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey with all its readings, as it is adjusted at the stated noise.
+    """
+    return _identify_in_turn(diagnosis, COMMON_ERRORS, most=2)
 
 
 def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
@@ -146,18 +187,21 @@ def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
     )
 
 
-def _identify_in_turn(diagnosis: Diagnosis) -> IdentifiedCauses:
+def _identify_in_turn(
+    diagnosis: Diagnosis, hypotheses: Sequence[Proposal] = HYPOTHESES, most: int = MAX_CAUSES
+) -> IdentifiedCauses:
     """Identify the likeliest cause, then that of the remaining misfit, until the rest fits."""
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     wrong, right = frozenset[int](), frozenset[int]()
-    stated = diagnosis
-    for _ in range(MAX_CAUSES):
+    stated, price = diagnosis, 0.0
+    for _ in range(most):
         is_asked = needs_cause(diagnosis) or _are_taped_level(diagnosis)
-        found = _find_likeliest(diagnosis) if is_asked else None
+        found = _find_likeliest(diagnosis, hypotheses) if is_asked else None
         if found is None:
             break
         best, rival = found
+        price += 2.0 * best.hypothesis.price
         if best.hypothesis.message is not None:
             causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
             # With two causes that explain as much, the result uses neither.
@@ -168,7 +212,9 @@ def _identify_in_turn(diagnosis: Diagnosis) -> IdentifiedCauses:
         if best.after is None:
             break
         diagnosis = best.after
-    return IdentifiedCauses(tuple(causes), tuple(freed), wrong, right)
+    cost = diagnosis.cost + price
+    fits = not has_misfit(diagnosis)
+    return IdentifiedCauses(tuple(causes), tuple(freed), wrong, right, cost=cost, fits=fits)
 
 
 def _are_taped_level(diagnosis: Diagnosis) -> bool:
@@ -242,12 +288,12 @@ def _add_alternative(message: Message, sentence: str) -> Message:
 
 
 def _find_likeliest(
-    diagnosis: Diagnosis,
+    diagnosis: Diagnosis, hypotheses: Sequence[Proposal] = HYPOTHESES
 ) -> tuple[JudgedHypothesis, JudgedHypothesis | None] | None:
     """Return the likeliest hypothesis, unless chance or noise explains as much; and its rival."""
     kinds = [
         _nearly_as_likely(screen_hypotheses(diagnosis, propose(diagnosis)))
-        for propose in HYPOTHESES
+        for propose in hypotheses
     ]
     every = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
     proposed = list(_drop_duplicates(diagnosis.survey, every))
@@ -324,9 +370,14 @@ def _does_as_well(one: JudgedHypothesis, best: JudgedHypothesis) -> bool:
     """Return whether a hypothesis does as well as the best: by the remaining cost, or by its odds.
 
     Against a hypothesis that changes the whole survey by a known amount, such as the ratio of two
-    units, one with free unknowns leaves an equally small cost, but is less likely.
+    units, or one with fewer unknowns of the same prior, one with free unknowns leaves an equally
+    small cost, but is less likely.
     """
-    if one.after is None or best.after is None or best.hypothesis.is_of_all:
+    same = {moved.kind for moved in one.hypothesis.moved} & {
+        moved.kind for moved in best.hypothesis.moved
+    }
+    freed = one.hypothesis.freed is not None and best.hypothesis.freed is not None
+    if one.after is None or best.after is None or best.hypothesis.is_of_all or (same and freed):
         return one.odds > best.odds - SURE_LOG_ODDS
     return one.after.cost < best.after.cost + 2.0 * SURE_LOG_ODDS
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -14,7 +14,7 @@ from uavgram.estimation.reliability.hypotheses import (
     ObservationChange,
     compare_hypotheses,
 )
-from uavgram.estimation.reliability.redundancy import compute_redundancy
+from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
@@ -167,34 +167,67 @@ def _told(frame: str, factor: float, _: HypothesisTest | None) -> Message:
     )
 
 
-ZOOM_SIGMA, CENTRE_SIGMA = 0.4, 0.1
-"""Prior sigmas of the factor of both focal lengths, and of the principal point as a share of the
-photo's width, for a useless camera file."""
+DISTORTION = 4
+"""First coefficient of the distortion among the parameters of a camera."""
 
-MIN_REDUNDANCY = 30.0
-"""Redundancy of the picks below which camera parameters could absorb a wrong pick or two."""
+ZOOM_SIGMA, CENTRE_SIGMA, LENS_SIGMA = 0.4, 0.1, 0.2
+"""Prior sigmas of a useless camera file: of the factor of both focal lengths, of the principal
+point as a share of the photo's width, and of the first two coefficients of the distortion."""
+
+MIN_SHARE_OF_CAMERA = 1e-5
+"""Least share of another camera that has to show in the residuals, as calibrations are exact."""
+
+
+def propose_other_zoom_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose another focal length than in the camera file, or photos of another size."""
+    stated = diagnosis.survey.calibration
+    yield from _propose_camera(diagnosis, zoom_direction(stated)[:, None], other_zoom_message)
+    yield from _propose_camera(diagnosis, _size_direction(stated)[:, None], _other_size_message)
 
 
 def propose_other_camera_file(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose another focal length than in the camera file, or also another principal point."""
+    """Propose another focal length and principal point than in the camera file."""
+    stated = diagnosis.survey.calibration
+    yield from _propose_camera(diagnosis, _frame_directions(stated), _other_camera_message)
+
+
+def propose_other_lens(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose another focal length and distortion than in the camera file."""
+    stated = diagnosis.survey.calibration
+    yield from _propose_camera(diagnosis, _lens_directions(stated), _other_lens_message)
+
+
+def _propose_camera(
+    diagnosis: Diagnosis,
+    unknowns: Floats,
+    describe: Callable[[Survey, HypothesisTest | None], Message],
+) -> Iterator[Hypothesis]:
+    """Propose another interior orientation for all photos, which may explain all the misfit.
+
+    The linear test does not hold where all readings are bent by it.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    unknowns
+        (P, q) directions of the interior orientation, each of the size of a prior sigma.
+    describe
+        Function from the survey and the result to the message.
+    """
     adjustment = diagnosis.adjustment
-    if (
-        compute_redundancy(adjustment, "pixels") < MIN_REDUNDANCY
-        or not adjustment.problem.layout.intrinsics
-    ):
-        return
-    stated = adjustment.survey.calibration
-    for unknowns, tell in (
-        (zoom_direction(stated)[:, None], other_zoom_message),
-        (_frame_directions(stated), _other_camera_message),
-    ):
-        yield Hypothesis(
-            message=partial(tell, adjustment.survey),
-            moved=(calibration_derivative(adjustment, unknowns),),
-            settled=partial(_find_deviation, unknowns=unknowns),
-            freed=partial(remove_camera_prior, unknowns),
-            price=unknowns.shape[1] * PRICE,
-        )
+    if not adjustment.problem.layout.intrinsics or not unknowns.any(axis=0).all():
+        return  # an exact camera, or a lens model without distortion
+    excess = adjustment.minimum.cost - compute_core_fit(adjustment).degrees
+    yield Hypothesis(
+        message=partial(describe, adjustment.survey),
+        moved=(calibration_derivative(adjustment, unknowns),),
+        checked=MIN_SHARE_OF_CAMERA,
+        promise=excess,
+        settled=partial(_find_deviation, unknowns=unknowns),
+        freed=partial(remove_camera_prior, unknowns),
+        price=unknowns.shape[1] * PRICE,
+    )
 
 
 def calibration_derivative(adjustment: Adjustment, unknowns: Floats) -> ObservationChange:
@@ -223,6 +256,25 @@ def zoom_direction(camera: Calibration) -> Floats:
     """Return the change (P,) of the interior orientation by a prior sigma of the zoom."""
     change = np.zeros(len(camera.parameters))
     change[:2] = ZOOM_SIGMA * camera.parameters[:2]
+    return change
+
+
+def _size_direction(camera: Calibration) -> Floats:
+    """Return the change (P,) of the interior orientation with the size of the photos."""
+    change = zoom_direction(camera)
+    change[2:4] = ZOOM_SIGMA * camera.parameters[2:4]
+    return change
+
+
+def _lens_directions(camera: Calibration) -> Floats:
+    """Return the changes (P, 3) by a prior sigma of the zoom, and of two distortion coefficients.
+
+    The focal length of a calibration belongs to its distortion.
+    """
+    change = np.zeros((len(camera.parameters), 3))
+    change[:, 0] = zoom_direction(camera)
+    if len(camera.parameters) > DISTORTION + 1:
+        change[DISTORTION, 1] = change[DISTORTION + 1, 2] = LENS_SIGMA
     return change
 
 
@@ -268,6 +320,33 @@ def zoom_message(name: str, stated_px: float, factor: float, sigma: float) -> Me
         "photos, and calibrate the camera as it was used."
     )
     return Message("warning", "other-zoom", text)
+
+
+def _describe_zoom(found: HypothesisTest) -> str:
+    """Return the factor of the focal length, the first unknown, with its sigma."""
+    factor = 1.0 + ZOOM_SIGMA * float(found.value[0])
+    return f"{factor:.2f} ± {ZOOM_SIGMA * float(np.sqrt(found.covariance[0, 0])):.2f}"
+
+
+def _other_size_message(survey: Survey, found: HypothesisTest | None) -> Message:
+    """Report picks in copies of another size."""
+    assert found is not None  # noqa: S101
+    text = (
+        f"The photos seem to be picked in copies of {_describe_zoom(found)} times their size: "
+        f"focal length and principal point of the camera file {survey.calibration.name!r} are of "
+        "another size of photo. Pick in the original photos, or calibrate with photos of this size."
+    )
+    return Message("warning", "camera-contradicted", text)
+
+
+def _other_lens_message(survey: Survey, _: HypothesisTest | None) -> Message:
+    """Report the distortion of another lens."""
+    text = (
+        f"The camera file {survey.calibration.name!r} does not belong to these photos: they fit "
+        "with the distortion of another lens. Check whether it is the file of this camera, and "
+        "whether the photos were corrected already; calibrate the camera as it was used."
+    )
+    return Message("warning", "camera-contradicted", text)
 
 
 def _other_camera_message(survey: Survey, found: HypothesisTest | None) -> Message:

@@ -14,6 +14,7 @@ from uavgram.estimation.reliability.redundancy import (
     compute_upper_tail,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
@@ -115,8 +116,11 @@ def _count_explained(diagnosis: Diagnosis, hypothesis: Hypothesis, gain: float) 
     """Count left-out numbers that a hypothesis accounts for.
 
     An error common to a flight may have spoilt any of them: if it explains participating
-    observations as well, or if these are unchecked.
+    observations as well, or if these are unchecked, or if the whole log was left out.
     """
+    is_of_log = any(moved.kind in TELEMETRY_PARTS for moved in hypothesis.moved)
+    if is_of_log and diagnosis.refined.is_log_left_out:
+        return POSE_SIZE * len(diagnosis.refined.pose_widened)
     if hypothesis.freed is not None and hypothesis.moved:
         shows = gain / 2.0 > hypothesis.price
         return (
