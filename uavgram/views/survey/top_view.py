@@ -156,6 +156,7 @@ def top_view(
     shown: Bools | None = None,
     ground: GroundPicture | None = None,
     address: str = "",
+    unit: float = 1.0,
 ) -> TopView | None:
     """Lay out the drawing; return None if there is no point to draw.
 
@@ -168,6 +169,8 @@ def top_view(
         there is room, and of many points only these have dots.
     ground, address
         Picture of the ground below the drawing, and its address.
+    unit
+        Factor on the sizes of letters, signs and lines.
     """
     layout = fit_layout(result, most_height, shown)
     if layout is None:
@@ -176,7 +179,7 @@ def top_view(
     units, is_bare = units_of(result), ground is None
     fill_ellipses = factor * usual <= FILL_SHARE * extent_m
     uneven = collect_departures(result) if shown is None else None
-    drawing = Drawing("Top view of points and lines, to scale", WIDTH, sheet.height)
+    drawing = Drawing("Top view of points and lines, to scale", WIDTH, sheet.height, unit=unit)
     if ground is not None:
         corner = sheet(np.array([ground.west_m, ground.north_m]))
         drawing.image(corner, np.array([ground.width_m, ground.height_m]) * sheet.scale, address)
