@@ -143,7 +143,7 @@ def lengths(drawn: list[Floats]) -> list[float]:
 def test_lines_on_paper_are_as_long_as_the_survey_says(made: PlanFiles, result: Result) -> None:
     (page,) = pages_of(made.pdf)
     scale = content(result).plan.scale
-    strips = [strip for some in measured_strips(result).values() for strip in some]
+    strips = list(measured_strips(result).values())
     known = [
         strip for i, strip in reference_strips(result).items() if result.lines.status[i] == "used"
     ]

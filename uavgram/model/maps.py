@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -14,10 +14,6 @@ from uavgram.model.flight_log import HeightDatum
 
 ShapeKind = Literal["point", "line", "polygon"]
 Attribute = tuple[str, ...] | tuple[float, ...]
-
-
-HIDDEN = ("footprints", "ellipses_95", "planned_footprints")
-"""Layers that exported files hide at first; the receiver's bias makes ellipses metres wide."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +63,26 @@ class Layer:
         )
         return [dict(zip(self.attributes, row, strict=True)) for row in zip(*columns, strict=True)]
 
+    def value_texts(self, words: Callable[[float, float, str], str]) -> tuple[str, ...]:
+        """Return the text next to each line or area: its name, and its value; none without values.
+
+        Parameters
+        ----------
+        words
+            Function that formats a value, its standard deviation and its unit.
+        """
+        of = self.attributes
+        value, sigma = ("length_m", "sigma_m") if "length_m" in of else ("value", "sigma")
+        if value not in of:
+            return ()
+        rows = zip(
+            of["name"], of[value], of[sigma], of.get("unit", ("m",) * len(self)), strict=True
+        )
+        return tuple(
+            f"{name}: {words(float(str(number)), float(str(spread)), str(unit))}"
+            for name, number, spread, unit in rows
+        )
+
     def placed(self, place: Callable[[Floats], Floats]) -> tuple[Floats, ...]:
         """Return the vertices of each shape in other coordinates, see `transform_vertices`."""
         shapes = transform_vertices(self.vertices_m, place)
@@ -102,6 +118,10 @@ class LayerStyle:
         Whether it is visible at first.
     by_status
         Colours of shapes by their column ``status``; all others have `colour`.
+    cad
+        Layer of CAD drawings; empty: its own name in capitals.
+    cad_colour
+        Its colour there, of AutoCAD's index: visible on black and on white.
     """
 
     title: str
@@ -113,6 +133,21 @@ class LayerStyle:
     label: str = ""
     shown: bool = True
     by_status: dict[str, str] = field(default_factory=dict)
+    cad: str = ""
+    cad_colour: int = 7
+
+    def colour_of(self, status: str) -> str:
+        """Return the colour of a shape."""
+        return self.by_status.get(status, self.colour)
+
+
+Looks = Mapping[str, LayerStyle]
+"""Style of each layer by its name; the first is on top."""
+
+
+def look_of(looks: Looks, layer: str) -> LayerStyle:
+    """Return the style of a layer; one without its own has its name as title, and is white."""
+    return looks.get(layer, LayerStyle(title=layer.replace("_", " "), colour="#ffffff"))
 
 
 def transform_vertices(

@@ -15,7 +15,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import Paper
 from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.stages.products.planned_layers import grid_cells, wanted_shapes
+from uavgram.stages.products.planned_layers import grid_cells, wanted_strips
 from uavgram.views.flight_plan import (
     centimetres,
     corners_on_earth,
@@ -193,7 +193,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
     rings = [paper(ring) for ring in planned.no_go_world_m]
     drawing.lines("no_go", rings, Look(fill=PAPER), Look("#000", 2.2, fill=HATCH), closed=True)
     drawing.lines("path", [photos], Look("#333", 1.1, dashes="8 4"))
-    wanted = [paper(strip) for some in wanted_shapes(planned) for strip in some]
+    wanted = [paper(strip) for strip in wanted_strips(planned).values()]
     drawing.lines("wanted", wanted, Look("#000", 1.3))
     drawing.signs("points", dots, 2.6, Look("#000", 1.2, fill=PAPER))
     drawing.lines("lines", strips, Look(PAPER, 8.0), Look("#000", 4.2))

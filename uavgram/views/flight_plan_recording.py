@@ -14,7 +14,7 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.stages.products.planned_layers import grid_cells, wanted_shapes
+from uavgram.stages.products.planned_layers import grid_cells, wanted_strips
 from uavgram.views.flight_plan import (
     centimetres,
     describe_accuracy,
@@ -255,7 +255,7 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     recorder.lines(f"{SPACE}/lines_to_lay", strips, REFERENCE, 5.0)
     rings = [close_border(ring) for ring in planned.plates.corner_world_m]
     recorder.lines(f"{SPACE}/plates_to_lay", rings, REFERENCE, 5.0)
-    wanted = [strip for some in wanted_shapes(planned) for strip in some]
+    wanted = list(wanted_strips(planned).values())
     recorder.lines(f"{SPACE}/wanted", wanted, MEASURED, 3.0)
     if planned.points.label:
         recorder.dots(f"{SPACE}/points", planned.points.world_m, MEASURED, 3.5)
@@ -311,15 +311,10 @@ def _name_places(planned: FlightPlanned, units: Units) -> tuple[list[Floats], li
     ]
     places += list(planned.plates.center_world_m)
     words += list(planned.plates.name)
-    for name, sigma, unit, strips in zip(
-        rows.name, rows.sigma, rows.unit, wanted_shapes(planned), strict=True
-    ):
-        if strips:
-            places.append(longest_middle(strips))
-            known = (
-                f" ± {convert_sentence(centimetres(float(sigma)), units)}" if unit == "m" else ""
-            )
-            words.append(f"{name}{known}")
+    for k, strip in wanted_strips(planned).items():
+        places.append(longest_middle(strip))
+        sigma = convert_sentence(centimetres(float(rows.sigma[k])), units)
+        words.append(rows.name[k] + (f" ± {sigma}" if rows.unit[k] == "m" else ""))
     places += [ring.mean(axis=0) for ring in planned.no_go_world_m]
     words += ["keep out"] * len(planned.no_go_world_m)
     places += list(planned.area_world_m)

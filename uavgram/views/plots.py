@@ -11,20 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uavgram.model.result.result import Result
-from uavgram.stages.products.map_layers import measured_strips, reference_strips
-from uavgram.views.formatting import measurement_text, order_worst_first
+from uavgram.views.formatting import order_worst_first
 from uavgram.views.style import INK
-from uavgram.views.survey.outlines import nice_factor
-from uavgram.views.units import table_unit, units_of
+from uavgram.views.survey.sheet import WIDTH
+from uavgram.views.survey.top_view import top_view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ELLIPSE_SHARE = 0.03
-"""Approximate size of the drawn ellipses, as a share of the plan's width."""
-
-MAX_NAMED = 12
-"""Number of measurements above which they are drawn thin and without names."""
+LETTER_MM = 0.24
+"""Least size of a unit of the plan's letters [mm]: they are 11 of them high."""
 
 MAX_BARS = 25
 """Number of measurements whose budget is drawn, the least certain ones."""
@@ -61,7 +57,7 @@ def residuals(result: Result, axes: Axes | None = None) -> Axes:
 def plan(result: Result, axes: Axes | None = None) -> Axes:
     """Plot the survey from above: points with enlarged 95 % ellipses, known and measured lines.
 
-    Coordinates are metres, or feet if the project is in feet.
+    It is the report's top view; grid and values are in metres, or feet if the project is in feet.
 
     Parameters
     ----------
@@ -70,33 +66,21 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
     axes
         Axes to draw into; by default in a figure of its own.
     """
+    from uavgram.views.survey.figure import draw_in_axes  # noqa: PLC0415 - heavy
+
     axes = _axes_or_new(axes)
-    measured, units = measured_strips(result), units_of(result)
-    unit = table_unit(units)
-    drawn = [(i, strips) for i, strips in measured.items() if strips]
-    are_few = len(drawn) <= MAX_NAMED
-    for k, (i, strips) in enumerate(drawn):
-        row = measurement_text(result.measurements, int(i), units)
-        look: dict[str, Any] = {"color": INK["measured"], "linewidth": 0.5}
-        if are_few:
-            look = {"color": f"C{k % 10}", "linewidth": 2, "linestyle": "-" if k < 10 else "-."}
-        for strip in strips:
-            axes.plot(*(unit.factor * strip[:, :2]).T, **look)
-        if are_few:  # names on the lines would overlap
-            axes.plot([], [], label=f"{row.name}: {row.value}", **look)
-    for i, strip in reference_strips(result).items():
-        ink = INK[result.lines.status[i]]
-        axes.plot(*(unit.factor * strip[:, :2]).T, color=ink, linewidth=1.5, linestyle="--")
-    place = unit.factor * result.points.position_world_m[:, :2]
-    axes.plot(place[:, 0], place[:, 1], ".", color=INK["point"], markersize=4)
-    for label, spot in zip(result.points.label, place, strict=True):
-        axes.annotate(label, spot, xytext=(3, 3), textcoords="offset points", fontsize=8)
-    factor = _ellipses(axes, result, unit.factor)
+    room, paper = axes.get_position(), axes.get_figure(root=True)
+    inches = np.ones(2) if paper is None else paper.get_size_inches()
+    size_mm = 25.4 * inches * [room.width, room.height]
+    view = top_view(result, unit=max(LETTER_MM * WIDTH / float(size_mm[0]), 1.0))
     axes.set_aspect("equal")
-    axes.set(xlabel=f"east [{unit.symbol}]", ylabel=f"north [{unit.symbol}]")
-    if drawn and are_few:
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
-    axes.set_title(f"Solid: measured, dashed: known\n95 % ellipses {factor} times as large")
+    if view is None:
+        return axes
+    drawing = view.drawing
+    draw_in_axes(drawing, axes, float((size_mm / [drawing.width, drawing.height]).min()))
+    axes.set_title(
+        f"Green: measured, purple: known\n95 % ellipses {view.ellipse_factor} times as large"
+    )
     return axes
 
 
@@ -143,19 +127,3 @@ def _axes_or_new(axes: Axes | None) -> Axes:
         figure = Figure(layout="constrained")
     new: Axes = figure.subplots()
     return new
-
-
-def _ellipses(axes: Axes, result: Result, unit: float) -> int:
-    """Draw the ellipses within the survey; return their enlargement, besides the unit."""
-    within, place = result.points.relative, result.points.position_world_m[:, :2]
-    if not len(place):
-        return 1
-    extent_m = max(float(np.ptp(place, axis=0).max()), 1.0)
-    factor = nice_factor(float(np.median(within.ellipse_95_m[:, 0])), ELLIPSE_SHARE * extent_m)
-    azimuth, half = within.ellipse_azimuth_rad[:, None], factor * within.ellipse_95_m
-    # ellipse by its half axes, turned to the azimuth (clockwise from north)
-    along, across = half[:, :1] * np.cos(_TURN), half[:, 1:] * np.sin(_TURN)
-    east = place[:, :1] + along * np.sin(azimuth) + across * np.cos(azimuth)
-    north = place[:, 1:] + along * np.cos(azimuth) - across * np.sin(azimuth)
-    axes.plot(unit * east.T, unit * north.T, color=INK["ellipse"], linewidth=1)
-    return factor

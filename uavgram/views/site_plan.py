@@ -29,13 +29,11 @@ from uavgram.views.survey.key_facts import accuracy_words
 from uavgram.views.survey.sheet import Sheet, draw_frame
 from uavgram.views.survey.text_placement import ASIDE, LETTERS, Letters, TextRequest, half_size
 from uavgram.views.survey.top_view import (
-    BOLD,
     DIAMOND,
     DOUBT_MARK,
-    FINE,
     draw_survey,
     is_doubtful,
-    known_look,
+    line_look,
     survey_texts,
 )
 from uavgram.views.survey.verdict import summarise_result
@@ -253,11 +251,11 @@ def _signs(drawing: Drawing, result: Result, x: float, y: float) -> float:
         "removed": "known length that does not fit",
         "unseen": "known length, not seen",
     }
-    rows = {"measured ± standard deviation": Look(INK["measured"], BOLD)}
+    rows = {"measured ± standard deviation": line_look("measured_lines", "ok")}
     for status in result.lines.status:
-        rows.setdefault(words[status], known_look(status, INK[status], BOLD))
+        rows.setdefault(words[status], line_look("known_lengths", status))
     if result.control_lines.name:
-        rows["line of known position"] = known_look("used", INK["position"], FINE)
+        rows["line of known position"] = line_look("control_lines", "used")
     for text, look in rows.items():
         drawing.lines("samples", [np.array([[x, y - 1.0], [x + 7.0, y - 1.0]])], look)
         drawing.write((x + 8.5, y), text, "sign", side=-1)

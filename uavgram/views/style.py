@@ -121,39 +121,49 @@ LOOKS = {
     "points": LayerStyle(
         title="points", colour=INK["point"], globe="ff00ffff", width_mm=1.6, label="label"
     ),
-    "verticals": LayerStyle(title="heights over the ground", colour=INK["above"], width_mm=0.4),
+    "off_ground": LayerStyle(
+        title="points off the ground", colour=INK["point"], cad="POINTS_OFF_GROUND", cad_colour=1,
+    ),
+    "verticals": LayerStyle(
+        title="heights over the ground", colour=INK["above"], width_mm=0.4, cad="HEIGHTS",
+        cad_colour=1,
+    ),
     "measured_lines": LayerStyle(
-        title="measured", colour=INK["measured"], globe=_MEASURED, width_mm=0.5, label="text"
+        title="measured", colour=INK["measured"], globe=_MEASURED, width_mm=0.5, label="text",
+        cad_colour=134,
     ),
     "measured_areas": LayerStyle(
         title="measured areas", colour=INK["measured"], globe=_MEASURED, width_mm=0.5, filled=0.15,
-        label="text",
+        label="text", cad_colour=134,
     ),
     "known_lengths": LayerStyle(
         title="known lengths", colour=INK["used"], globe=_LAID, width_mm=0.5, dashed=True,
-        label="text", by_status=_BY_STATUS,
+        label="text", by_status=_BY_STATUS, cad_colour=6,
     ),
     "control_lines": LayerStyle(
         title="lines of known position", colour=INK["position"], globe="ff9c27b0", width_mm=0.35,
-        label="name", by_status=_BY_STATUS,
+        label="name", by_status=_BY_STATUS, cad="LINES_OF_KNOWN_POSITION", cad_colour=200,
     ),
     "ellipses_95_within_survey": LayerStyle(
-        title="95 % ellipses within the survey", colour=INK["ellipse"], globe="ff00c8ff"
+        title="95 % ellipses within the survey", colour=INK["ellipse"], globe="ff00c8ff",
+        cad_colour=42,
     ),
     "ellipses_95": LayerStyle(
         title="95 % ellipses on the earth", colour=INK["ellipse"], globe="ff007be0", width_mm=0.2,
-        shown=False,
+        shown=False, cad_colour=32,
     ),
     "camera_poses": LayerStyle(
         title="photos", colour=hex_colour(REFINED), globe=_BLUE, width_mm=2.0, label="frame",
-        shown=False,
+        shown=False, cad="CAMERAS", cad_colour=150,
     ),
     "footprints": LayerStyle(
         title="what photos show", colour=hex_colour(REFINED), globe=_FAINT, width_mm=0.2,
-        shown=False,
+        shown=False, cad="PHOTO_FOOTPRINTS", cad_colour=252,
     ),
     **{
-        name: LayerStyle(title=title, colour=INK["measured"], globe=globe)
+        name: LayerStyle(
+            title=title, colour=INK["measured"], globe=globe, shown=name != "planned_footprints"
+        )
         for name, title, globe in (
             ("planned_footprints", "what photos will show", _FAINT),
             ("planned_area", "area", _WHITE),
@@ -169,4 +179,7 @@ LOOKS = {
         )
     },
 }  # fmt: skip
-"""Style of each layer by its name; the first is on top."""
+"""Style of each layer by its name; the first is on top.
+
+Layers that files hide at first cover others; ellipses on the earth are metres wide by the receiver.
+"""

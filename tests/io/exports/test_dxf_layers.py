@@ -26,13 +26,14 @@ from uavgram.model.maps import ProfileSheet
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import ProfileResults
 from uavgram.stages.products.map_layers import features_of, profile_sheets
+from uavgram.views.style import LOOKS
 
 TWO_SIGMA = 1.959964
 
 
 def drawn(result: Result, profiles: ProfileResults, folder: Path) -> Drawing:
     features = features_of(replace(result, profiles=profiles), None)
-    write_local_dxf(features, folder / "s.dxf")
+    write_local_dxf(features, folder / "s.dxf", LOOKS)
     document = readfile(folder / "s.dxf")
     assert document.audit().errors == []
     assert document.audit().fixes == []
@@ -128,7 +129,7 @@ def inserts(document: Drawing, name: str) -> Iterable[Any]:
 
 
 def test_without_profiles_there_is_no_layer_of_them(result: Result, tmp_path: Path) -> None:
-    write_local_dxf(features_of(result, None), tmp_path / "s.dxf")
+    write_local_dxf(features_of(result, None), tmp_path / "s.dxf", LOOKS)
     document = readfile(tmp_path / "s.dxf")
 
     assert not [name for name in document.layout_names() if name.startswith("Profile")]

@@ -189,7 +189,7 @@ def test_every_file_has_a_new_layer(tmp_path: Path) -> None:
     features = replace(features, layers=(*features.layers, sights))
     write_geopackage(features, tmp_path / "a.gpkg", LOOKS)
     write_kml(features, tmp_path / "a.kml", LOOKS)
-    write_local_dxf(features, tmp_path / "a.dxf")
+    write_local_dxf(features, tmp_path / "a.dxf", LOOKS)
     write_qgis_project(features, LOOKS, tmp_path / "a.qgs", has_ground=False)
 
     file = sqlite3.connect(tmp_path / "a.gpkg")

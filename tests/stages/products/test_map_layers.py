@@ -29,7 +29,7 @@ def test_a_distance_from_a_plane_is_drawn_to_the_plane() -> None:
             rows, kind=("plane_distance",) * count, points=(labels,) * count, value=np.ones(count)
         ),
     )
-    ((point, foot),) = measured_strips(result)[0]
+    (point, foot) = measured_strips(result)[0]
     np.testing.assert_array_equal(point, position[0])
     legs = position[2:4] - position[1]
     np.testing.assert_allclose(legs @ (foot - point), 0, atol=1e-12)
@@ -48,7 +48,7 @@ def test_a_volume_is_drawn_as_what_its_points_enclose() -> None:
         parameters=("top=1.0",) * count,
         value=np.ones(count),
     )
-    (strip,) = measured_strips(replace(result, measurements=rows))[0]
+    strip = measured_strips(replace(result, measurements=rows))[0]
     np.testing.assert_array_equal(strip, result.points.position_world_m[[0, 1, 2, 3, 0]])
 
 
@@ -60,7 +60,7 @@ def test_a_height_is_drawn_from_the_ground_up() -> None:
     rows = replace(rows, kind=("height",) * count, points=labels, value=np.ones(count))
     strips = measured_strips(replace(result, measurements=rows))
     for k in range(count):
-        ((foot, top),) = strips[k]
+        foot, top = strips[k]
         height = RAISED.get(result.points.label[k], (0.0,))[0]
         np.testing.assert_array_equal(top, result.points.position_world_m[k])
         np.testing.assert_allclose(top - foot, [0.0, 0.0, height], atol=1e-12)

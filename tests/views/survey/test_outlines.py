@@ -95,7 +95,7 @@ def test_a_polyline_that_leaves_the_photo_and_returns_is_two_pieces() -> None:
 def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it() -> None:
     result = survey.build()
     row = result.measurements.name.index("road width")
-    (strip,) = features.measured_strips(result)[row]
+    strip = features.measured_strips(result)[row]
     at = features.point_index(result)
     p08, p12, p15 = (result.points.position_world_m[at[name]] for name in ("P08", "P12", "P15"))
 
@@ -106,7 +106,7 @@ def test_the_distance_from_a_line_is_drawn_at_right_angles_to_it() -> None:
 def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn() -> None:
     result = survey.build()
     strips = features.measured_strips(result)
-    (patch,) = strips[result.measurements.name.index("patch")]
+    patch = strips[result.measurements.name.index("patch")]
 
     np.testing.assert_array_equal(patch[0], patch[-1])
     assert result.measurements.name.index("to the tree") not in strips

@@ -18,8 +18,6 @@ from ezdxf.filemanagement import new
 from uavgram.geometry.geodesy import map_scale, projected_from_enu
 from uavgram.io.exports.dxf_layers import (
     ALIGNED,
-    LABELS,
-    LAYERS,
     NumberFormat,
     Place,
     Sheet,
@@ -32,7 +30,7 @@ from uavgram.io.exports.dxf_layers import (
     place_beside_point,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import HIDDEN, Features, Layer, transform_vertices
+from uavgram.model.maps import Features, Layer, LayerStyle, Looks, look_of, transform_vertices
 from uavgram.stages.products.text_places import Label, Placed, place_labels
 
 POINT_BLOCK = "SURVEY_POINT"
@@ -56,7 +54,7 @@ def add_point_block(document: Drawing, text_m: float) -> None:
         attribute = block.add_attdef(
             tag,
             (half, half - 1.3 * row * text_m),
-            dxfattribs={"height": text_m, "layer": LABELS, "flags": const.ATTRIB_INVISIBLE},
+            dxfattribs={"height": text_m, "layer": LABELS.upper(), "flags": const.ATTRIB_INVISIBLE},
         )
         attribute.dxf.prompt = tag
 
@@ -68,15 +66,15 @@ def draw_points(sheet: Sheet, layer: Layer) -> None:
     places = sheet.place(np.concatenate(layer.vertices_m))
     for one, place in zip(_rows(layer), places.tolist(), strict=True):
         off = _is_off(one)
-        own = LAYERS["off_ground"][0] if off else LAYERS["points"][0]
-        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": own})
+        own = sheet.on("off_ground" if off else "points")
+        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs=own)
         numbers = {key.upper(): _decimals(one[key]) for key in _NUMBERS}
         insert.add_auto_attribs({"LABEL": escape_text(str(one["label"])), **numbers})
         hidden = {key.upper(): _decimals(one[key]) for key in _OFF_GROUND_NUMBERS if off}
         if one["picked_by"] not in ("", "hand"):
             hidden["PICKED_BY"] = str(one["picked_by"])
         for tag, value in hidden.items():
-            insert.add_attrib(tag, value, tuple(place), {"layer": LABELS}).is_invisible = True
+            insert.add_attrib(tag, value, tuple(place), sheet.on(LABELS)).is_invisible = True
 
 
 def list_point_texts(layer: Layer, text_m: float, words: NumberFormat) -> list[Text]:
@@ -94,9 +92,7 @@ def list_point_texts(layer: Layer, text_m: float, words: NumberFormat) -> list[T
     points = [(one, place[0]) for one, place in zip(_rows(layer), layer.vertices_m, strict=True)]
     labels = [place_beside_point(str(one["label"]), place, LABELS, text_m) for one, place in points]
     return labels + [
-        place_beside_point(
-            _height_text(one, words), place, LAYERS["verticals"][0], text_m, _HEIGHT_SHARE
-        )
+        place_beside_point(_height_text(one, words), place, "verticals", text_m, _HEIGHT_SHARE)
         for one, place in points
         if _is_off(one)
     ]
@@ -130,7 +126,13 @@ def _height_text(one: dict[str, str | float], words: NumberFormat) -> str:
 METRIC_FORMAT = NumberFormat()
 """Numbers in metres, the unit of the drawing."""
 
-_DIMENSIONS, _NOTES = "DIMENSIONS", "NOTES"
+LABELS, _DIMENSIONS, _NOTES = "labels", "dimensions", "notes"
+_OWN = {
+    LABELS: LayerStyle(title="labels", colour="", cad_colour=7),
+    _DIMENSIONS: LayerStyle(title="dimensions", colour="", cad_colour=134),
+    _NOTES: LayerStyle(title="notes", colour="", cad_colour=8),
+}
+"""Layers of texts only."""
 _UPRIGHT = {"height", "vertical_distance"}
 """Kinds of measurement that have no length in a plan."""
 _NOT_IN_SPACE = {*_UPRIGHT, "horizontal_distance", "profile"}
@@ -200,6 +202,7 @@ def place_texts(features: Features, words: NumberFormat = METRIC_FORMAT) -> Plac
 def write_local_dxf(
     features: Features,
     path: Path,
+    looks: Looks,
     words: NumberFormat = METRIC_FORMAT,
     texts: PlacedTexts | None = None,
 ) -> None:
@@ -219,12 +222,14 @@ def write_local_dxf(
     note = "local metres: x east, y north, z up; distances are true ground distances"
     if features.origin is None:
         note = "local metres; position and direction of north are arbitrary, distances are true"
-    _write(features, path, lambda enu: enu, note, words, texts or place_texts(features, words))
+    texts = texts or place_texts(features, words)
+    _write(features, path, lambda enu: enu, note, looks, words, texts)
 
 
 def write_map_dxf(
     features: Features,
     path: Path,
+    looks: Looks,
     words: NumberFormat = METRIC_FORMAT,
     texts: PlacedTexts | None = None,
 ) -> None:
@@ -256,22 +261,29 @@ def write_map_dxf(
         path,
         lambda enu: projected_from_enu(enu, origin, crs),
         note,
+        looks,
         words,
         texts or place_texts(features, words),
     )
 
 
 def _write(
-    features: Features, path: Path, place: Place, note: str, words: NumberFormat, texts: PlacedTexts
+    features: Features,
+    path: Path,
+    place: Place,
+    note: str,
+    looks: Looks,
+    words: NumberFormat,
+    texts: PlacedTexts,
 ) -> None:
     document = new("R2010", units=units.M)
-    own = dict.fromkeys(cad_layer(layer.name) for layer in features.layers)
-    every = dict.fromkeys([*LAYERS.values(), *own])
-    for name, colour in (*every, (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
-        document.layers.add(name, color=colour)
-    for hidden in LAYERS.keys() & HIDDEN:
-        document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
-    sheet = Sheet(document, document.modelspace(), place, texts.text_m, words)
+    looks = {**looks, **_OWN}
+    for name in (*(layer.name for layer in features.layers), "off_ground", *_OWN):
+        look = look_of(looks, name)
+        own = document.layers.add(cad_layer(looks, name), color=look.cad_colour)
+        if not look.shown:
+            own.freeze()  # some programs do not know "off"
+    sheet = Sheet(document, document.modelspace(), place, texts.text_m, looks)
     add_point_block(document, texts.text_m)
     _dimension_style(document, texts.text_m)
     for layer in features.layers:
@@ -319,37 +331,35 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
 
 
 def _draw(sheet: Sheet, layer: Layer) -> None:
-    name, strips = cad_layer(layer.name)[0], transform_vertices(layer.vertices_m, sheet.place)
+    on, strips = sheet.on(layer.name), transform_vertices(layer.vertices_m, sheet.place)
     if layer.name.startswith("ellipses"):
-        _ellipses(sheet, layer, name)
+        _ellipses(sheet, layer)
     elif layer.name == "points":
         draw_points(sheet, layer)
     elif layer.name == "footprints":
-        _footprints(sheet, strips, name)
+        _footprints(sheet, strips)
     elif layer.kind == "point":
         for vertices in strips:
-            sheet.space.add_point(vertices[0], dxfattribs={"layer": name})
+            sheet.space.add_point(vertices[0], dxfattribs=on)
     else:
         for vertices in strips:
             if len(vertices) == 2:  # a polyline would have four parts, each with its own handle
-                sheet.space.add_line(vertices[0], vertices[1], dxfattribs={"layer": name})
+                sheet.space.add_line(vertices[0], vertices[1], dxfattribs=on)
             elif len(vertices):
-                sheet.space.add_polyline3d(
-                    vertices, close=layer.kind == "polygon", dxfattribs={"layer": name}
-                )
+                sheet.space.add_polyline3d(vertices, close=layer.kind == "polygon", dxfattribs=on)
 
 
-def _footprints(sheet: Sheet, rings: tuple[Floats, ...], name: str) -> None:
+def _footprints(sheet: Sheet, rings: tuple[Floats, ...]) -> None:
     """Draw footprints as level outlines at their mean height, as they may be large."""
     for ring in rings:
         sheet.space.add_lwpolyline(
             ring[:, :2].tolist(),
             close=True,
-            dxfattribs={"layer": name, "elevation": float(ring[:, 2].mean())},
+            dxfattribs={**sheet.on("footprints"), "elevation": float(ring[:, 2].mean())},
         )
 
 
-def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
+def _ellipses(sheet: Sheet, layer: Layer) -> None:
     """Draw true ellipses; their axes rotate and scale with the map projection."""
     if not len(layer):
         return
@@ -366,7 +376,7 @@ def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
             tuple(middle[row].tolist()),
             major_axis=tuple(axis[row].tolist()),
             ratio=min(max(float(minor[row] / major[row]), 1e-6), 1.0),
-            dxfattribs={"layer": name},
+            dxfattribs=sheet.on(layer.name),
         )
 
 
@@ -375,22 +385,20 @@ def _values(layer: Layer, text_m: float, words: NumberFormat) -> list[Text]:
     is_known, texts = layer.name == "known_lengths", []
     if not is_known and not layer.name.startswith("measured"):
         return []
-    value, sigma = ("length_m", "sigma_m") if is_known else ("value", "sigma")
-    for row, strip in enumerate(layer.vertices_m):
-        one = {key: values[row] for key, values in layer.attributes.items()}
-        unit = str(one.get("unit", "m"))
-        text = words.value(float(str(one[value])), float(str(one[sigma])), unit)
+    values = layer.value_texts(words.value)
+    for row, (strip, one) in enumerate(zip(layer.vertices_m, _rows(layer), strict=True)):
+        unit, text = str(one.get("unit", "m")), values[row]
         if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
         text += " (known)" if is_known else ""  # the drawn line has the adjusted length
-        text = f"{one['name']}: {text}{_DOUBT_MARK if one.get('alternatives') else ''}"
+        text += _DOUBT_MARK if one.get("alternatives") else ""
         is_length = len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT
         if is_length and np.linalg.norm(strip[1, :2] - strip[0, :2]) > _SHORT_M:
             # from left to right, the reading direction
             ends = strip[np.lexsort(strip[:, 1::-1].T)]
             half = compute_half_size(text, text_m)
             label = Label(ends[0, :2], ends[1, :2], half, _ASIDE * text_m, "along")
-            on = LAYERS[layer.name][0] if is_known else _DIMENSIONS
+            on = layer.name if is_known else _DIMENSIONS
             texts.append(Text(text, label, on, ends))
         elif len(strip) and not is_length:
             texts.append(place_beside_point(text, strip.mean(axis=0), _DIMENSIONS, text_m))
@@ -418,13 +426,13 @@ def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
             escape_text(text.words),
             height=text.share * sheet.text_m,
             rotation=degrees,
-            dxfattribs={"layer": text.layer},
+            dxfattribs=sheet.on(text.layer),
         )
         written.set_placement(tuple(at), align=ALIGNED[int(sides[k])])
         if np.isfinite(leaders[k, 0, 0]):
             ends = sheet.place(np.column_stack([leaders[k], np.full(2, text.ends[0, 2])]))
             start, end = ends.tolist()
-            sheet.space.add_line(start, end, dxfattribs={"layer": text.layer})
+            sheet.space.add_line(start, end, dxfattribs=sheet.on(text.layer))
 
 
 def _dimension(sheet: Sheet, text: Text, middle: Floats, half_height: float) -> None:
@@ -439,14 +447,14 @@ def _dimension(sheet: Sheet, text: Text, middle: Floats, half_height: float) -> 
         distance=float(across @ (middle[:2] - start)) - half_height,
         text=escape_mtext(text.words),
         dimstyle="UAVGRAM",
-        dxfattribs={"layer": text.layer},
+        dxfattribs=sheet.on(text.layer),
     )
     drawn.set_location(tuple(middle[:2]))
     dimension = drawn.render().dimension
     dimension.translate(0.0, 0.0, float(ends[:, 2].mean()))
     for part in dimension.get_geometry_block() or ():
         if part.dxf.layer == "0":  # not every program draws that in the colour of the dimension
-            part.dxf.layer = text.layer
+            part.dxf.layer = dimension.dxf.layer
 
 
 def _note(sheet: Sheet, features: Features, note: str, corner: tuple[float, float]) -> None:
@@ -460,5 +468,5 @@ def _note(sheet: Sheet, features: Features, note: str, corner: tuple[float, floa
             f";{_DOUBT_MARK} = other solutions fit as well and give other values, see the report"
         )
     sheet.space.add_text(
-        escape_text(f"{features.name}: {note}"), height=sheet.text_m, dxfattribs={"layer": _NOTES}
+        escape_text(f"{features.name}: {note}"), height=sheet.text_m, dxfattribs=sheet.on(_NOTES)
     ).set_placement(corner)

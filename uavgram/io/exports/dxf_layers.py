@@ -21,7 +21,7 @@ from ezdxf.layouts.blocklayout import BlockLayout
 from ezdxf.layouts.layout import Modelspace
 
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import ProfileSheet
+from uavgram.model.maps import Looks, ProfileSheet, look_of
 from uavgram.stages.products.map_layers import TWO_SIDED_95
 from uavgram.stages.products.text_places import Label, place_labels
 
@@ -54,22 +54,6 @@ class NumberFormat:
     name: str = "metres"
 
 
-LABELS = "LABELS"
-# name in the drawing, and colour of AutoCAD's index, visible on black and on white
-LAYERS = {
-    "footprints": ("PHOTO_FOOTPRINTS", 252),
-    "camera_poses": ("CAMERAS", 150),
-    "ellipses_95": ("ELLIPSES_95", 32),
-    "ellipses_95_within_survey": ("ELLIPSES_95_WITHIN_SURVEY", 42),
-    "known_lengths": ("KNOWN_LENGTHS", 6),
-    "control_lines": ("LINES_OF_KNOWN_POSITION", 200),
-    "measured_areas": ("MEASURED_AREAS", 134),
-    "measured_lines": ("MEASURED_LINES", 134),
-    "points": ("POINTS", 7),
-    "off_ground": ("POINTS_OFF_GROUND", 1),
-    "verticals": ("HEIGHTS", 1),
-}
-
 ALIGNED = {
     -1: TextEntityAlignment.MIDDLE_LEFT,
     0: TextEntityAlignment.MIDDLE_CENTER,
@@ -78,20 +62,24 @@ ALIGNED = {
 """Alignment by the side of a text at which its leader ends, where its letters begin or end."""
 
 
-def cad_layer(name: str) -> tuple[str, int]:
-    """Return name and colour of a survey layer in the drawing; by default its own name, black."""
-    return LAYERS.get(name, (name.upper(), 7))
+def cad_layer(looks: Looks, layer: str) -> str:
+    """Return the name of a layer in the drawing."""
+    return look_of(looks, layer).cad or layer.upper()
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Drawing being written: transformation of local metres, height of letters [m], and format."""
+    """Drawing being written: transformation of local metres, height of letters [m], and styles."""
 
     document: Drawing
     space: Modelspace
     place: Place
     text_m: float
-    words: NumberFormat = NumberFormat()
+    looks: Looks
+
+    def on(self, layer: str) -> dict[str, str]:
+        """Return the attributes of an entity on a layer."""
+        return {"layer": cad_layer(self.looks, layer)}
 
 
 class Text(NamedTuple):
@@ -104,7 +92,7 @@ class Text(NamedTuple):
     label
         Position of its object, and its size with letters at full height.
     layer
-        Its layer.
+        Its layer: of the survey, or for texts only.
     ends
         (2, 3) ends of a dimension; (1, 3) position of the object of any other text.
     share

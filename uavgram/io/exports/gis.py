@@ -26,7 +26,7 @@ from pyproj.exceptions import CRSError
 
 from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import Attribute, Features, Layer, LayerStyle, ShapeKind
+from uavgram.model.maps import Attribute, Features, Layer, LayerStyle, Looks, ShapeKind
 
 _DASHES_MM = "3;2"
 _LABEL_PT = "8"
@@ -147,9 +147,7 @@ _LAYER_GEOMETRY = {"point": "Point", "line": "Line", "polygon": "Polygon"}
 _GROUND_NAME = "ground"
 
 
-def write_qgis_project(
-    features: Features, looks: Mapping[str, LayerStyle], path: Path, *, has_ground: bool
-) -> None:
+def write_qgis_project(features: Features, looks: Looks, path: Path, *, has_ground: bool) -> None:
     """Write the project; its file names are relative, so the folder can be moved.
 
     Parameters
@@ -375,7 +373,7 @@ Quantity = Callable[[float, float, str], str]
 def write_geopackage(
     features: Features,
     path: Path,
-    looks: Mapping[str, LayerStyle] = MappingProxyType({}),
+    looks: Looks = MappingProxyType({}),
     words: Quantity | None = None,
 ) -> None:
     """Write all layers with shapes, in the projected coordinate system, else in local metres.
@@ -407,7 +405,8 @@ def write_geopackage(
                 "INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, '')", system
             )
             for layer in features.layers:
-                attributes = layer.attributes | _texts(layer, words)
+                texts = () if words is None else layer.value_texts(words)
+                attributes = layer.attributes | ({"text": texts} if texts else {})
                 shapes = _on_map(features, layer)
                 _write_layer(file, layer, shapes, attributes, system.srs_id)
                 file.execute(
@@ -499,24 +498,7 @@ def _heights(features: Features) -> str:
     return f"heights in metres above {above}"
 
 
-def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
-    """Return the text next to a line or an area: its name, and its formatted value."""
-    of = layer.attributes
-    value, sigma = ("length_m", "sigma_m") if "length_m" in of else ("value", "sigma")
-    if words is None or value not in of:
-        return {}
-    unit = of.get("unit", ("m",) * len(layer))
-    rows = zip(of["name"], of[value], of[sigma], unit, strict=True)
-    told = (
-        f"{name}: {words(float(str(number)), float(str(spread)), str(one))}"
-        for name, number, spread, one in rows
-    )
-    return {"text": tuple(told)}
-
-
-def _write_styles(
-    file: sqlite3.Connection, features: Features, looks: Mapping[str, LayerStyle]
-) -> None:
+def _write_styles(file: sqlite3.Connection, features: Features, looks: Looks) -> None:
     """Write the table of styles from which QGIS takes the default one of a layer."""
     styles = [
         (layer.name, "geom", layer.name, tostring(create_style(look, layer.kind), "unicode"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from xml.etree.ElementTree import Element, ElementTree, SubElement
@@ -14,7 +14,7 @@ from uavgram.geometry.geodesy import Origin, geodetic_from_enu
 from uavgram.io.json_codec import Record, records
 from uavgram.io.outputs import replace_text
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import HIDDEN, Features, Layer, LayerStyle, ShapeKind
+from uavgram.model.maps import Features, Layer, LayerStyle, Looks, ShapeKind, look_of
 from uavgram.model.result.result import Result
 from uavgram.stages.products.columns import MEASUREMENTS, POINTS, listed_columns
 from uavgram.stages.products.map_layers import located_layers
@@ -135,9 +135,7 @@ _UNSEEN = ("verticals", "planned_accuracy")
 _NO_KML_PLACE = "Nothing ties this survey to the earth, so nothing of it can be drawn on a globe."
 
 
-def write_kml(
-    features: Features, path: Path, looks: Mapping[str, LayerStyle] = MappingProxyType({})
-) -> None:
+def write_kml(features: Features, path: Path, looks: Looks = MappingProxyType({})) -> None:
     """Write all layers as folders.
 
     Shapes on the ground are on the globe's terrain; shapes off it are drawn at their height above
@@ -160,15 +158,10 @@ def write_kml(
     else:
         shown = [layer for layer in features.layers if layer.name not in _UNSEEN]
         for layer in shown:
-            _style(document, layer, looks.get(layer.name, _default_look(layer)).globe)
+            _style(document, layer, look_of(looks, layer.name).globe)
         for layer in shown:
-            title = looks.get(layer.name, _default_look(layer)).title
-            _folder(document, layer, f"{title[:1].upper()}{title[1:]}", features.origin)
+            _folder(document, layer, look_of(looks, layer.name), features.origin)
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-
-
-def _default_look(layer: Layer) -> LayerStyle:
-    return LayerStyle(title=layer.name.replace("_", " "), colour="#ffffff")
 
 
 def _style(document: Element, layer: Layer, colour: str) -> None:
@@ -182,10 +175,10 @@ def _style(document: Element, layer: Layer, colour: str) -> None:
         SubElement(SubElement(style, "PolyStyle"), "color").text = "1a" + colour[2:]
 
 
-def _folder(document: Element, layer: Layer, title: str, origin: Origin) -> None:
+def _folder(document: Element, layer: Layer, look: LayerStyle, origin: Origin) -> None:
     folder = SubElement(document, "Folder")
-    SubElement(folder, "name").text = title
-    visibility = "0" if layer.name in HIDDEN else "1"
+    SubElement(folder, "name").text = f"{look.title[:1].upper()}{look.title[1:]}"
+    visibility = "1" if look.shown else "0"
     SubElement(folder, "visibility").text = visibility
     folder.tail = "\n"
     for row, places in zip(layer.records(), _places(layer, origin), strict=True):

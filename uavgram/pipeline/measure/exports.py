@@ -51,13 +51,15 @@ def make_writers(result: Result, texture: GroundTexture | None = None) -> Writer
         "measurements.csv": lambda path: write_measurements_csv(result, path),
         "survey.gpkg": lambda path: write_geopackage(features, path, LOOKS, words.value),
         "survey.kml": lambda path: write_kml(features, path, LOOKS),
-        "survey_local.dxf": lambda path: write_local_dxf(features, path, words, texts()),
+        "survey_local.dxf": lambda path: write_local_dxf(features, path, LOOKS, words, texts()),
         "colmap": lambda path: write_colmap_model(result, path),
     }
     if result.profiles.profile:
         writers["profiles.csv"] = lambda path: write_profiles_csv(result, path)
     if features.crs is not None:
-        writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path, words, texts())
+        writers["survey_map.dxf"] = lambda path: write_map_dxf(
+            features, path, LOOKS, words, texts()
+        )
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
         writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(make_geotags(result), path)
     if texture is not None:

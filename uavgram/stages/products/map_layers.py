@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Poses
-from uavgram.model.maps import Features, Layer, ProfileSheet, ShapeKind
+from uavgram.model.maps import Features, Layer, ProfileSheet, ShapeKind, close_ring
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PlanarUncertainty, PointResults, ProfileResults
 from uavgram.stages.products.columns import (
@@ -26,21 +27,21 @@ ENCLOSED = frozenset({"area", "volume"})
 """Kinds of measurement that are drawn as polygons of their points."""
 
 
-def shape(kind: str, corners: Floats) -> list[Floats]:
-    """Return polylines (n, 3) of a measurement on its corners (k, 3); none for a single point."""
+def shape(kind: str, corners: Floats) -> Floats:
+    """Return the polyline (n, 3) of a measurement on its corners (k, 3); n = 0 for one point."""
     if kind == "coordinate" or len(corners) < 2:
-        return []
+        return np.empty((0, 3))
     if kind in ENCLOSED:
-        return [np.concatenate([corners, corners[:1]])]
+        return close_ring(corners)
     if kind == "plane_distance" and len(corners) == 4:
-        return [np.stack([corners[0], _foot_on_plane(corners)])]
+        return np.stack([corners[0], _foot_on_plane(corners)])
     if kind == "line_distance" and len(corners) > 2:
         start, end = corners[1], corners[-1]
         along = end - start
         squared = float(along @ along)
         share = float((corners[0] - start) @ along) / squared if squared > 0 else 0.0
-        return [np.stack([corners[0], start + share * along])]
-    return [corners]
+        return np.stack([corners[0], start + share * along])
+    return corners
 
 
 def _foot_on_plane(corners: Floats) -> Floats:
@@ -254,7 +255,7 @@ def located_layers(result: Result) -> tuple[Layer, ...]:
     measured = result.measurements
     for i, (kind, labels) in enumerate(zip(measured.kind, measured.outlines, strict=True)):
         shape_kind: ShapeKind = "line"
-        vertices = strips[i][0] if strips.get(i) else np.empty((0, 3))
+        vertices = strips.get(i, np.empty((0, 3)))
         if len(labels) == 1 and labels[0] in rows:
             shape_kind, vertices = "point", points.position_world_m[[rows[labels[0]]]]
         elif kind in ENCLOSED and len(vertices):
@@ -287,15 +288,49 @@ def position_strips(result: Result) -> list[Floats]:
     return list(np.stack([lines.start_world_m, lines.end_world_m], axis=1))
 
 
-def measured_strips(result: Result) -> dict[int, list[Floats]]:
-    """Return polylines (n, 3) of each computed measurement, by its row; coordinates have none."""
+def measured_strips(result: Result) -> dict[int, Floats]:
+    """Return the polyline (n, 3) of each computed measurement, by its row; coordinates have none.
+
+    Those of areas are closed.
+    """
     value = result.measurements.value
-    return {i: strips for i, strips in _strips(result).items() if np.isfinite(value[i])}
+    return {i: strip for i, strip in _strips(result).items() if np.isfinite(value[i])}
 
 
-def _strips(result: Result) -> dict[int, list[Floats]]:
-    """Return polylines (n, 3) of each measurement all of whose points have a place, by its row."""
-    rows, strips = point_index(result), {}
+class GroundLine(NamedTuple):
+    """Line of a survey on the ground: its layer, its status, and its polyline (n, 3)."""
+
+    layer: str
+    status: str
+    strip: Floats
+
+
+def ground_lines(result: Result) -> list[GroundLine]:
+    """Return all lines with a place: measured ones, known lengths, and lines of known position."""
+    measured, known, stated = result.measurements, result.lines, result.control_lines
+    return [
+        *(
+            GroundLine(
+                "measured_areas" if measured.kind[i] in ENCLOSED else "measured_lines",
+                measured.status[i],
+                strip,
+            )
+            for i, strip in measured_strips(result).items()
+        ),
+        *(
+            GroundLine("known_lengths", known.status[i], strip)
+            for i, strip in reference_strips(result).items()
+        ),
+        *(
+            GroundLine("control_lines", status, strip)
+            for status, strip in zip(stated.status, position_strips(result), strict=True)
+        ),
+    ]
+
+
+def _strips(result: Result) -> dict[int, Floats]:
+    """Return the polyline (n, 3) of each measurement whose points have places, by its row."""
+    rows, strips = point_index(result), dict[int, Floats]()
     measured = result.measurements
     for i, (kind, labels) in enumerate(zip(measured.kind, measured.outlines, strict=True)):
         if all(label in rows for label in labels):
@@ -303,7 +338,8 @@ def _strips(result: Result) -> dict[int, list[Floats]]:
             corners = result.points.position_world_m[at]
             if kind == "height" and len(at) == 1:  # from the ground below
                 corners = np.concatenate([ground_below(result.points)[at], corners])
-            strips[i] = shape(kind, corners)
+            if len(strip := shape(kind, corners)):
+                strips[i] = strip
     return strips
 
 
@@ -455,7 +491,7 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
     rows = np.flatnonzero(is_area if kind == "polygon" else is_line)
     vertices = []
     for i in rows:
-        strip = strips[int(i)][0] if strips.get(int(i)) else np.empty((0, 3))
+        strip = strips.get(int(i), np.empty((0, 3)))
         vertices.append(counterclockwise(strip[:-1]) if is_area[i] and len(strip) else strip)
     return Layer(
         name=name,

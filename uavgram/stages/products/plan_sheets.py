@@ -38,8 +38,7 @@ def surveyed_extent(result: Result) -> tuple[Floats, Floats]:
     GeometryError
         There is no point.
     """
-    places = [result.points.position_world_m]
-    places += [strip for strips in measured_strips(result).values() for strip in strips]
+    places = [result.points.position_world_m, *measured_strips(result).values()]
     together = np.concatenate(places)[:, :2]
     if not len(together):
         raise GeometryError("no point has a place, so there is no plan: pick points in the photos")

@@ -221,29 +221,29 @@ def _flight(planned: FlightPlanned) -> Layer:
     )
 
 
-def wanted_shapes(planned: FlightPlanned) -> list[list[Floats]]:
-    """Return polylines (n, 3) of each wanted value (M,)."""
+def wanted_strips(planned: FlightPlanned) -> dict[int, Floats]:
+    """Return the polyline (n, 3) of each wanted value, by its row; coordinates have none."""
     place = dict(zip(planned.points.label, planned.points.world_m, strict=True))
     measured = planned.measurements
-    return [
-        shape(kind, np.array([place[label] for label in labels]))
-        for kind, labels in zip(measured.kind, measured.points, strict=True)
-    ]
+    strips = {
+        k: shape(kind, np.array([place[label] for label in labels]))
+        for k, (kind, labels) in enumerate(zip(measured.kind, measured.points, strict=True))
+    }
+    return {k: strip for k, strip in strips.items() if len(strip)}
 
 
 def _wanted(planned: FlightPlanned) -> list[Layer]:
-    rows = planned.measurements
-    strips = [(k, strip) for k, several in enumerate(wanted_shapes(planned)) for strip in several]
+    rows, strips = planned.measurements, wanted_strips(planned)
     return [
         _layer(
             "planned_measurements",
             "line",
-            tuple(strip for _, strip in strips),
-            name=tuple(rows.name[k] for k, _ in strips),
-            kind=tuple(rows.kind[k] for k, _ in strips),
-            sigma=tuple(float(rows.sigma[k]) for k, _ in strips),
-            wanted_sigma=tuple(float(rows.wanted_sigma[k]) for k, _ in strips),
-            unit=tuple(rows.unit[k] for k, _ in strips),
+            tuple(strips.values()),
+            name=tuple(rows.name[k] for k in strips),
+            kind=tuple(rows.kind[k] for k in strips),
+            sigma=tuple(float(rows.sigma[k]) for k in strips),
+            wanted_sigma=tuple(float(rows.wanted_sigma[k]) for k in strips),
+            unit=tuple(rows.unit[k] for k in strips),
         )
     ]
 

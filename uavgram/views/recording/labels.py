@@ -286,7 +286,7 @@ def _heights(result: Result, scene: Scene) -> list[Candidate]:
 
 def _known(result: Result, rows: list[int]) -> list[Candidate]:
     known = reference_strips(result)
-    return [(longest_middle([known[i]]), reference_text(result, i), -1) for i in rows]
+    return [(longest_middle(known[i]), reference_text(result, i), -1) for i in rows]
 
 
 def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
@@ -326,7 +326,7 @@ def _problem_labels(result: Result) -> list[Candidate]:
 def _measured(result: Result) -> list[Candidate]:
     """Return the least certain length first, marked as such, then the others in that order."""
     strips, worst = measured_strips(result), least_certain_length(result)
-    rows = [int(i) for i in order_worst_first(result.measurements) if strips.get(int(i))]
+    rows = [int(i) for i in order_worst_first(result.measurements) if int(i) in strips]
     rows.sort(key=lambda i: i != worst)
     return [
         (

@@ -521,11 +521,11 @@ def _shapes(result: Result, scene: Scene) -> Iterator[_Shape]:
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
         standing = result.measurements.status[row]
         entity = f"measured/{standing}" if standing in ("doubtful", "contradicted") else "measured"
-        for strip in measured.get(row, []):
+        if row in measured:
             yield _Shape(
                 entity,
                 MEASURED_COLOURS[standing],
-                sample_polyline(strip),
+                sample_polyline(measured[row]),
                 text,
                 ends,
                 width=None,

@@ -15,9 +15,8 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
 from uavgram.stages.products.map_layers import (
     footprints,
+    ground_lines,
     measured_strips,
-    position_strips,
-    reference_strips,
 )
 from uavgram.views.recording.labels import (
     MANY_LINES,
@@ -53,6 +52,12 @@ from uavgram.views.survey.outlines import (
     sample_polyline,
     track,
 )
+
+REFERENCES = {
+    "known_lengths": ("known_lengths", 5.0, 4.0),
+    "control_lines": ("lines_of_known_position", 2.0, 2.0),
+}
+"""Entities of known lines by their layers, and widths in space and on the map."""
 
 ALL = "survey/footprints"
 CURRENT = "survey/footprint_of_this_photo"
@@ -142,35 +147,31 @@ def _measured(recorder: Recorder, result: Result, named: frozenset[int]) -> None
     Doubtful and contradicted measurements have a colour and an entity of their own.
     """
     strips, status = measured_strips(result), result.measurements.status
-    total = sum(len(some) for some in strips.values())
+    total = len(strips)
     for doubt in ("doubtful", "contradicted"):
-        own = [strip for row in strips if status[row] == doubt for strip in strips[row]]
+        own = [strip for row, strip in strips.items() if status[row] == doubt]
         if doubt == "contradicted":
             own = [dash for strip in own for dash in _dashes(strip)]
         colour, width = MEASURED_COLOURS[doubt], line_width(total)
         recorder.lines(f"survey/measured/{doubt}", own, colour, width)
     strips = {row: s for row, s in strips.items() if status[row] in ("ok", "not-checked")}
-    bold = [strip for row in named for strip in strips.get(row, [])]
-    quiet = [strip for row, some in strips.items() if row not in named for strip in some]
+    bold = [strips[row] for row in named if row in strips]
+    quiet = [strip for row, strip in strips.items() if row not in named]
     recorder.lines("survey/measured/least_certain", bold, MEASURED, 3.5)
     colour = MEASURED if total <= MANY_LINES else MEASURED_QUIET
     recorder.lines("survey/measured/others", quiet, colour, line_width(total))
 
 
 def _reference_lines(recorder: Recorder, result: Result) -> None:
-    by_status: dict[str, list[Floats]] = {}
-    for row, strip in reference_strips(result).items():
-        by_status.setdefault(result.lines.status[row], []).append(strip)
-    for status, strips in by_status.items():
-        dashed = [dash for strip in strips for dash in _dashes(strip)]
-        drawn = dashed if status == "checked" else strips
-        recorder.lines(f"survey/known_lengths/{status}", drawn, LINE_COLOURS[status], 5.0)
-    by_status.clear()
-    for strip, status in zip(position_strips(result), result.control_lines.status, strict=True):
-        by_status.setdefault(status, []).append(strip)
-    for status, strips in by_status.items():
-        path = f"survey/lines_of_known_position/{status}"
-        recorder.lines(path, strips, LINE_COLOURS[status], 2.0)
+    """Log known lines, each status apart; lengths that are withheld as checks are dashed."""
+    drawn: dict[tuple[str, str], list[Floats]] = {}
+    for layer, status, strip in ground_lines(result):
+        if layer in REFERENCES:
+            is_dashed = layer == "known_lengths" and status == "checked"
+            drawn.setdefault((layer, status), []).extend(_dashes(strip) if is_dashed else [strip])
+    for (layer, status), strips in drawn.items():
+        entity, width, _ = REFERENCES[layer]
+        recorder.lines(f"survey/{entity}/{status}", strips, LINE_COLOURS[status], width)
 
 
 def _dashes(strip: Floats, count: int = 15) -> list[Floats]:
@@ -238,13 +239,12 @@ def log_map(recorder: Recorder, result: Result) -> None:
     ):
         centers = track(result, poses)
         log_lines(name, [centers] if len(centers) > 1 else [], [colour], 2.0)
-    measured = [strip for some in measured_strips(result).values() for strip in some]
+    measured = list(measured_strips(result).values())
     log_lines("measured", measured, [MEASURED] * len(measured), line_width(len(measured)))
-    known = reference_strips(result)
-    statuses = [result.lines.status[row] for row in known]
-    log_lines("known_lengths", list(known.values()), [LINE_COLOURS[s] for s in statuses], 4.0)
-    colours = [LINE_COLOURS[status] for status in result.control_lines.status]
-    log_lines("lines_of_known_position", position_strips(result), colours, 2.0)
+    for layer, (entity, _, width) in REFERENCES.items():
+        known = [line for line in ground_lines(result) if line.layer == layer]
+        colours = [LINE_COLOURS[line.status] for line in known]
+        log_lines(entity, [line.strip for line in known], colours, width)
     lat_lon = np.column_stack([points.latitude_deg, points.longitude_deg])
     dots = rr.GeoPoints(
         lat_lon=lat_lon[np.isfinite(lat_lon[:, 0])],

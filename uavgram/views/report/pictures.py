@@ -427,19 +427,19 @@ def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tu
 
 
 def _strips(
-    result: Result, measured: dict[int, list[Floats]], region: Region
+    result: Result, measured: dict[int, Floats], region: Region
 ) -> list[tuple[Floats, Look]]:
     """Return the (n, 3) lines of a region and their styles: known lengths as on the plan."""
     if region.subject == "point":
         return []
     if region.subject == "measurement":
-        return [(strip, ON_MEASURED) for strip in measured.get(region.row, [])]
+        return [(measured[region.row], ON_MEASURED)] if region.row in measured else []
     status = result.lines.status
     known = []
     for i, strip in reference_strips(result).items():
         dashes = "" if status[i] == "used" else DASHES
         known.append((strip, Look(hex_colour(LINE_COLOURS[status[i]]), 1.6, dashes=dashes)))
-    return known + [(strip, ON_MEASURED) for some in measured.values() for strip in some]
+    return known + [(strip, ON_MEASURED) for strip in measured.values()]
 
 
 GROUND = "ground"

@@ -28,12 +28,27 @@ def draw_figure(drawing: Drawing) -> Figure:
     drawing
         The drawing.
     """
-    width, height = drawing.width, drawing.height
-    figure = Figure(figsize=(width / 25.4, height / 25.4))
-    axes: Axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_xlim(0.0, width)
-    axes.set_ylim(height, 0.0)
+    figure = Figure(figsize=(drawing.width / 25.4, drawing.height / 25.4))
+    draw_in_axes(drawing, figure.add_axes((0.0, 0.0, 1.0, 1.0)), 1.0)
+    return figure
+
+
+def draw_in_axes(drawing: Drawing, axes: Axes, mm: float) -> None:
+    """Draw into axes, without their frame.
+
+    Parameters
+    ----------
+    drawing
+        The drawing; its pictures are pixels.
+    axes
+        The axes.
+    mm
+        Millimetres on paper of a unit of the drawing.
+    """
+    axes.set_xlim(0.0, drawing.width)
+    axes.set_ylim(drawing.height, 0.0)
     axes.set_axis_off()
+    point = MM_OF_POINT / mm
     frame = Path(drawing.border)
     for image in drawing.images:
         (left, top), (right, bottom) = image.place, image.place + image.size
@@ -46,13 +61,12 @@ def draw_figure(drawing: Drawing) -> Figure:
     for order, shapes in enumerate(every, start=1):
         path = _path(shapes)
         for look in shapes.looks:
-            patch = _patch(path, look, drawing.unit, order)
+            patch = _patch(path, look, drawing.unit / point, order)
             axes.add_artist(patch)
             if shapes.clip is not None:
                 patch.set_clip_path(Path(shapes.clip), axes.transData)
     for text in (*drawing.written, *drawing.texts):
-        _write(axes, drawing, text, len(every) + 1)
-    return figure
+        _write(axes, drawing, text, point, len(every) + 1)
 
 
 def _path(shapes: Shapes) -> Path:
@@ -66,8 +80,8 @@ def _path(shapes: Shapes) -> Path:
     return Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
 
 
-def _patch(path: Path, look: Look, unit: float, order: int) -> PathPatch:
-    """Return a path with its style; dashes and gaps are in widths of the line."""
+def _patch(path: Path, look: Look, points: float, order: int) -> PathPatch:
+    """Return a path with its style; a unit has so many points, dashes are in widths of lines."""
     path.should_simplify = False
     dashes = tuple(float(one) / look.width for one in look.dashes.split())
     edge, face = (
@@ -78,22 +92,22 @@ def _patch(path: Path, look: Look, unit: float, order: int) -> PathPatch:
         path,
         edgecolor=edge,
         facecolor=face,
-        linewidth=look.width * unit / MM_OF_POINT,
+        linewidth=look.width * points,
         linestyle=(0.0, dashes) if dashes else "solid",
         capstyle="butt",
         zorder=order,
     )
 
 
-def _write(axes: Axes, drawing: Drawing, text: PlacedText, order: int) -> None:
-    """Write a text no wider than its box."""
+def _write(axes: Axes, drawing: Drawing, text: PlacedText, point: float, order: int) -> None:
+    """Write a text no wider than its box; a point is so long in the drawing."""
     look, unit = drawing.letters[text.kind], drawing.unit * text.size
     weight = "bold" if look.is_bold else "normal"
-    half_mm = text.half_width - ASIDE * unit
-    most_mm = 2 * half_mm / max(_width(text.text, weight), 1e-9)
+    half = text.half_width - ASIDE * unit
+    widest = 2 * half / max(_width(text.text, weight), 1e-9)
     axes.text(
-        text.x + text.side * half_mm, text.y, _plain(text.text),
-        fontsize=min(SMALLER * look.size * unit, most_mm) / MM_OF_POINT,
+        text.x + text.side * half, text.y, _plain(text.text),
+        fontsize=min(SMALLER * look.size * unit, widest) / point,
         color=text.colour or look.colour, weight=weight, style=look.style,
         ha=("center", "right", "left")[text.side], va="baseline",
         rotation=-float(np.degrees(text.turn)), rotation_mode="anchor", zorder=order,

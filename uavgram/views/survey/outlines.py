@@ -125,10 +125,9 @@ def largest_sigmas(poses: PoseTable) -> tuple[Floats, Floats]:
     return sigma[:, :3].max(axis=1), np.degrees(sigma[:, 3:].max(axis=1))
 
 
-def longest_middle(strips: list[Floats]) -> Floats:
-    """Return the (D,) middle of the longest segment of (n, D) polylines."""
-    starts = np.concatenate([strip[:-1] for strip in strips])
-    ends = np.concatenate([strip[1:] for strip in strips])
+def longest_middle(strip: Floats) -> Floats:
+    """Return the (D,) middle of the longest segment of a (n, D) polyline."""
+    starts, ends = strip[:-1], strip[1:]
     longest = int(np.argmax(np.linalg.norm(ends - starts, axis=1)))
     return np.asarray((starts[longest] + ends[longest]) / 2, dtype=np.float64)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise, takewhile
@@ -15,6 +16,7 @@ from uavgram.stages.products.map_layers import (
     ENCLOSED,
     ellipse_outlines,
     footprints,
+    ground_lines,
     measured_strips,
     position_strips,
     reference_strips,
@@ -22,7 +24,7 @@ from uavgram.stages.products.map_layers import (
 )
 from uavgram.stages.products.text_places import Where
 from uavgram.views.formatting import measurement_text, number, order_worst_first
-from uavgram.views.style import INK, hex_colour
+from uavgram.views.style import INK, LOOKS, hex_colour
 from uavgram.views.survey.drawing import PAPER, Drawing, Look
 from uavgram.views.survey.heights import Departures, collect_departures
 from uavgram.views.survey.outlines import nice_factor
@@ -43,8 +45,14 @@ MANY_LINES, MAX_MEASURED = 20, 12
 # With more points than this only those of a measurement, a known length or a check are shown.
 MANY_POINTS = 60
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
+WIDTHS = {
+    "measured_areas": (BOLD, THIN),
+    "measured_lines": (BOLD, THIN),
+    "known_lengths": (BOLD, FINE),
+    "control_lines": (FINE, FINE),
+}
+"""Widths of the lines of each layer if they are few, and if they are many."""
 DASHES = "7 4"
-AREA_OPACITY = 0.15
 # Gap between a line and its name; half length of the line in the middle of an area for its name.
 LINE_GAP, IN_MIDDLE = 2.0, 0.05
 DOUBT_MARK = " ?"
@@ -148,6 +156,7 @@ def top_view(
     shown: Bools | None = None,
     ground: GroundPicture | None = None,
     address: str = "",
+    unit: float = 1.0,
 ) -> TopView | None:
     """Lay out the drawing; return None if there is no point to draw.
 
@@ -160,6 +169,8 @@ def top_view(
         there is room, and of many points only these have dots.
     ground, address
         Picture of the ground below the drawing, and its address.
+    unit
+        Factor on the sizes of letters, signs and lines.
     """
     layout = fit_layout(result, most_height, shown)
     if layout is None:
@@ -168,7 +179,7 @@ def top_view(
     units, is_bare = units_of(result), ground is None
     fill_ellipses = factor * usual <= FILL_SHARE * extent_m
     uneven = collect_departures(result) if shown is None else None
-    drawing = Drawing("Top view of points and lines, to scale", WIDTH, sheet.height)
+    drawing = Drawing("Top view of points and lines, to scale", WIDTH, sheet.height, unit=unit)
     if ground is not None:
         corner = sheet(np.array([ground.west_m, ground.north_m]))
         drawing.image(corner, np.array([ground.width_m, ground.height_m]) * sheet.scale, address)
@@ -224,10 +235,9 @@ def draw_survey(
     -------
     Whether a point off the ground is among those shown.
     """
-    frame = drawing.border
-    kinds, measured = result.measurements.kind, measured_strips(result)
-    rings = [sheet(one) for i, some in measured.items() if kinds[i] in ENCLOSED for one in some]
-    fill = Look(fill=INK["measured"], fill_opacity=AREA_OPACITY)
+    frame, area = drawing.border, LOOKS["measured_areas"]
+    rings = [sheet(one.strip) for one in ground_lines(result) if one.layer == "measured_areas"]
+    fill = Look(fill=area.colour, fill_opacity=area.filled)
     drawing.lines("areas", rings, fill, closed=True, clip=frame)
     lines = _lines(result, sheet)
     if on_picture:
@@ -250,38 +260,33 @@ def _is_inside(drawing: Drawing, places: Floats) -> Bools:
 
 
 def _lines(result: Result, sheet: Sheet) -> list[tuple[Floats, Look]]:
-    """Draw measurements, known lengths, and lines of known position as they were stated."""
-    strips = [strip for some in measured_strips(result).values() for strip in some]
-    look = Look(INK["measured"], BOLD if len(strips) <= MANY_LINES else THIN)
-    measured = [(sheet(strip), look) for strip in strips]
-    reference = reference_strips(result)
-    width = BOLD if len(reference) <= MANY_LINES else FINE
-    known = [
-        (sheet(strip), known_look(result.lines.status[i], INK[result.lines.status[i]], width))
-        for i, strip in reference.items()
+    """Draw all lines; those of known position as they were stated."""
+    lines = ground_lines(result)
+    counts = Counter(line.layer for line in lines)
+    return [
+        (
+            sheet(line.strip),
+            line_look(line.layer, line.status, is_thin=counts[line.layer] > MANY_LINES),
+        )
+        for line in lines
     ]
-    stated = [
-        (sheet(strip), known_look(status, INK["position"], FINE))
-        for strip, status in zip(position_strips(result), result.control_lines.status, strict=True)
-    ]
-    return measured + known + stated
 
 
-def known_look(status: str, colour: str, width: float) -> Look:
-    """Return the style of a known line: dashed if it is not used, bold and red if it is wrong.
+def line_look(layer: str, status: str, *, is_thin: bool = False) -> Look:
+    """Return the style of a line in the colours of maps: dashed if it is not used, bold if wrong.
 
     Parameters
     ----------
-    status
-        Its status.
-    colour, width
-        Those of a line that is not wrong.
+    layer, status
+        Its layer and status.
+    is_thin
+        Whether there are many lines of that layer.
     """
-    is_bad = status in ("suspect", "removed")
+    style, is_bad = LOOKS[layer], status in ("suspect", "removed")
     return Look(
-        INK[status] if is_bad else colour,
-        BOLD if is_bad else width,
-        dashes="" if status == "used" else DASHES,
+        style.colour_of(status),
+        BOLD if is_bad else WIDTHS[layer][is_thin],
+        dashes=DASHES if status in style.by_status else "",
     )
 
 
@@ -347,32 +352,34 @@ def survey_texts(
     rows, units, measured = result.measurements, units_of(result), measured_strips(result)
     doubt, texts = is_doubtful(result), list[TextRequest | None]()
     where: Where = "along" if is_full else "near"
-    shown = [int(i) for i in order_worst_first(rows) if measured.get(int(i))]
+    shown = [int(i) for i in order_worst_first(rows) if int(i) in measured]
     needed = len(shown) if len(shown) <= MANY_LINES else MAX_MEASURED
     for k, i in enumerate(shown if is_full else shown[:needed]):
         words = measurement_text(rows, i, units).value if is_full else ""
         words = words or value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
         text = f"{rows.name[i]}: {words}{DOUBT_MARK if doubt[i] else ''}"
-        strips, ink = [sheet(strip) for strip in measured[i]], INK["measured"]
+        strip = sheet(measured[i])
         if rows.kind[i] in ENCLOSED:
-            middle = np.concatenate([strip[1:] for strip in strips]).mean(axis=0)
+            middle = strip[1:].mean(axis=0)
             if _is_inside(drawing, middle[None])[0]:
                 spots = middle + IN_MIDDLE * drawing.unit * np.array([[-1.0, 0.0], [1.0, 0.0]])
                 texts.append(TextRequest(text, "measured", spots, k < needed))
                 continue
-        texts.append(_along(drawing, strips, text, "measured", ink, where, is_needed=k < needed))
+        ink = LOOKS["measured_lines"].colour
+        texts.append(_along(drawing, strip, text, "measured", ink, where, is_needed=k < needed))
     for i, strip in reference_strips(result).items():
         length_m = float(result.lines.length_m[i])
         length = convert_sentence(f"{length_m:.2f} m", units, exact=[length_m])
         if is_full:
             length = value_text(length_m, float(result.lines.sigma_m[i]), "m", units)
-        ink, text = INK[result.lines.status[i]], f"{result.lines.name[i]}: {length}"
-        texts.append(_along(drawing, [sheet(strip)], text, "known", ink, where))
+        ink = LOOKS["known_lengths"].colour_of(result.lines.status[i])
+        text = f"{result.lines.name[i]}: {length}"
+        texts.append(_along(drawing, sheet(strip), text, "known", ink, where))
     for name, strip, status in zip(
         result.control_lines.name, position_strips(result), result.control_lines.status, strict=True
     ):
-        ink = INK["position" if status == "used" else status]
-        texts.append(_along(drawing, [sheet(strip)], name, "known", ink, where))
+        ink = LOOKS["control_lines"].colour_of(status)
+        texts.append(_along(drawing, sheet(strip), name, "known", ink, where))
     spots, heights = sheet(result.points.position_world_m), _heights(result) if is_full else {}
     needed_names = np.ones(len(spots), np.bool_) if named is None else named
     wanted = needed_names | (len(spots) <= MANY_POINTS)
@@ -384,7 +391,7 @@ def survey_texts(
 
 def _along(
     drawing: Drawing,
-    strips: list[Floats],
+    strip: Floats,
     text: str,
     kind: str,
     ink: str,
@@ -393,8 +400,7 @@ def _along(
     is_needed: bool = True,
 ) -> TextRequest | None:
     """Name a line along its longest visible part, or around its middle if that is too short."""
-    pairs = [pair for strip in strips for pair in pairwise(strip)]
-    parts = [clip_line(a, b, drawing.low, drawing.high) for a, b in pairs]
+    parts = [clip_line(a, b, drawing.low, drawing.high) for a, b in pairwise(strip)]
     ends = [np.stack(part) for part in parts if part is not None]
     if not ends:
         return None
