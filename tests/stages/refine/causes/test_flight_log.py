@@ -91,6 +91,29 @@ def test_a_turned_camera_is_told_and_given_up(turn_deg: tuple[float, float, floa
     distances_are_honest(scene, refined)
 
 
+@pytest.mark.parametrize("pitch_deg", [50.0, -40.0])
+def test_a_mount_that_is_far_off_is_named_where_the_log_was_left_out(pitch_deg: float) -> None:
+    """With two photos the log contradicts all the rest, and begins the search far from it."""
+    scene = make_scene(4, frames=2, labels=14, lines=8)
+    prior, seeds = scene.survey.telemetry, scene.survey.seeds
+    assert prior is not None
+    assert seeds is not None
+    turn = exp_so3(np.radians([pitch_deg, 0.0, 0.0]))
+    survey = replace(
+        scene.survey,
+        telemetry=replace(prior, gimbal_from_camera=prior.gimbal_from_camera @ turn),
+        seeds=replace(seeds, world_from_camera=seeds.world_from_camera @ turn),
+    )
+
+    refined, (message, *_) = named(survey)
+
+    assert message.code == "gimbal-off"
+    off = float(message.text.split("turned by ")[1].split(" ")[0])
+    assert off == pytest.approx(abs(pitch_deg), abs=10.0)
+    assert not refined.pose_widened
+    distances_are_honest(scene, refined)
+
+
 def headed(survey: Survey, degrees: float) -> Survey:
     """The survey with all headings of the log too large by an angle, and places of metres."""
     track, prior, seeds = survey.track, survey.telemetry, survey.seeds

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scenes import Scene, make_scene
 
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
@@ -123,11 +124,7 @@ def test_another_zoom_is_said_and_distances_are_right(factor: float) -> None:
     variance = basis @ adjustment.shared(layout.first_intrinsic, layout.intrinsics) @ basis
     true = scene.survey.calibration.parameters[0]
     assert abs(focal - true) < 3.0 * np.sqrt(variance)
-    start, end = (adjustment.label_rows([label]) for label in ("P0", "P7"))
-    length, gradient, unknowns = adjustment.problem.lengths_between(adjustment.state, start, end)
-    sigma = np.sqrt(adjustment.minimum.factor.variances(unknowns, gradient))
-    error = length - np.linalg.norm(scene.world[0] - scene.world[7])
-    assert np.abs(error / sigma).max() < 3.5
+    check_distance(scene, refined)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -169,3 +166,39 @@ def test_a_file_with_another_middle_is_told_with_what_it_should_say() -> None:
     found = adjustment.problem.intrinsics(adjustment.state)[2:4]
     assert np.abs(found - stated.parameters[2:4]).max() < 60.0
     assert f"cx {found[0]:.0f} ±" in message.text
+
+
+@pytest.mark.parametrize("size", [0.7, 0.5])
+@pytest.mark.parametrize("log", [True, False])
+def test_photos_picked_in_smaller_copies_are_named_by_their_size(size: float, *, log: bool) -> None:
+    gauge: dict[str, Any] = {} if log else {"telemetry": False, "gauge": "plane"}
+    scene = make_scene(3, frames=4, labels=14, lines=6, **gauge)
+    smaller = replace(scene.survey, pixel_px=size * scene.survey.pixel_px)
+    refined, messages = refine(smaller, SolveOptions())
+    (message,) = [one for one in messages if one.code == "camera-contradicted"]
+    named = float(message.text.split("copies of ")[1].split(" ")[0])
+    assert named == pytest.approx(size, rel=0.02)
+    check_distance(scene, refined)
+
+
+@pytest.mark.parametrize("distortion", [-0.2, 0.2])
+def test_the_distortion_of_another_lens_is_named_and_distances_are_right(distortion: float) -> None:
+    scene = make_scene(3, frames=6, labels=18, lines=6)
+    stated = scene.survey.calibration
+    other: Floats = stated.parameters + np.array([0.0] * 4 + [distortion] + [0.0] * 4)
+    survey = replace(scene.survey, calibration=replace(stated, parameters=other))
+    refined, messages = refine(survey, SolveOptions())
+    (message,) = [one for one in messages if one.code == "camera-contradicted"]
+    assert "the distortion of another lens" in message.text
+    assert not refined.line_removed.any()
+    check_distance(scene, refined)
+
+
+def check_distance(scene: Scene, refined: Refined) -> None:
+    """Compare a distance that was not taped with the truth."""
+    adjustment = refined.adjustment
+    start, end = (adjustment.label_rows([label]) for label in ("P0", "P7"))
+    length, gradient, unknowns = adjustment.problem.lengths_between(adjustment.state, start, end)
+    sigma = np.sqrt(adjustment.minimum.factor.variances(unknowns, gradient))
+    error = length - np.linalg.norm(scene.world[0] - scene.world[7])
+    assert np.abs(error / sigma).max() < 3.5

@@ -26,8 +26,11 @@ from uavgram.stages.refine.causes.hypothesis import (
     correct_participants,
     find_changed_lines,
 )
-from uavgram.stages.refine.minima import adjust_on_trial
+from uavgram.stages.refine.minima import FULL, adjust_on_trial
 from uavgram.stages.refine.noise import estimate_noise
+
+ENOUGH = 0.5
+"""Share of the cost below which a trial that did not converge is continued."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +160,15 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
     refined = readjust_corrected(diagnosis, taking, hypothesis)
+    # An unknown that is far from its prior, and explains the misfit, needs more iterations.
+    before = diagnosis.adjustment.minimum.cost
+    if (
+        refined is not None
+        and hypothesis.settled is not None
+        and not refined.adjustment.minimum.converged
+        and refined.adjustment.minimum.cost < ENOUGH * before
+    ):
+        refined = adjust_on_trial(taking, FULL) or refined
     # A freed unknown may end along a valley: its gain is at least that of its present state.
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
         return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
