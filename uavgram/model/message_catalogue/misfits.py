@@ -451,6 +451,7 @@ FOUND_CAUSES = (
         action="Correct `mount` in the project.",
         effect=Effect.RED,
         is_of_log=True,
+        part_of="gimbal-off",
         order=Order.CAUSE_OF_ALL,
         one="The camera looks in another direction than the project states.",
     ),

@@ -49,7 +49,9 @@ def determine_verdict(
     put_right
         Codes of causes that no longer distort the result, as they were corrected.
     """
-    still = [m for m in messages if m.code not in put_right]
+    codes = {m.code for m in messages}
+    is_part = {m.code for m in messages if entry_of(m.code).part_of in codes}
+    still = [m for m in messages if m.code not in put_right and m.code not in is_part]
     bent = fit.core < CONTRADICTION_PROBABILITY or any(
         _effect(m) is Effect.RED and not _is_left_out(m, examined) for m in still
     )
@@ -65,7 +67,6 @@ def determine_verdict(
     )
     is_ok = all(one == "ok" for one in status)
     without = {Effect.NONE, Effect.UNCHECKED} if is_ok else {Effect.NONE}
-    codes = {m.code for m in messages}
     # A message that a cause explains is a note, not a reason.
     # A note on another solution is a reason only where a value is another in it.
     noted = {Effect.UNCHECKED} if any(table.is_ambiguous) else set[Effect]()
@@ -74,7 +75,7 @@ def determine_verdict(
         for m in messages
         if (m.level != "info" or _effect(m) in noted)
         and _effect(m) not in without
-        and entry_of(m.code).part_of not in codes
+        and m.code not in is_part
     ]
     because.sort(key=lambda m: _effect(m) is Effect.UNCHECKED)  # misfits first
     reasons = tuple(map(make_reason, because))
