@@ -148,7 +148,8 @@ def _find_common_errors(
     # what seem to be wrong tapes.
     accuses = any(one.settles for one in found.causes)
     fits = compute_core_fit(refined.adjustment).probability >= MISFIT_PROBABILITY
-    if 0 < left_out + others <= NUMBERS_OF_A_READING and fits:
+    is_single = 0 < left_out + others <= NUMBERS_OF_A_READING and not refined.is_log_left_out
+    if is_single and fits:
         return None
     if left_out + others == 0 and found.fits and not accuses:
         return None
@@ -156,7 +157,9 @@ def _find_common_errors(
     if plain is None:
         return None
     common = identify_common_errors(Diagnosis(taking, plain))
-    if not common.causes or common.cost + 2.0 * SURE_LOG_ODDS > found.cost + 2.0 * PRICE * others:
+    # A common error is taken instead of gross errors only at sure odds.
+    margin = 0.0 if found.causes else 2.0 * SURE_LOG_ODDS
+    if not common.causes or common.cost + margin > found.cost + 2.0 * PRICE * others:
         return None
     return plain, common
 
