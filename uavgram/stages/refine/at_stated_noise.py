@@ -157,9 +157,9 @@ def _find_common_errors(
     if plain is None:
         return None
     common = identify_common_errors(Diagnosis(taking, plain))
-    # A common error is taken instead of gross errors only at sure odds.
-    margin = 0.0 if found.causes else 2.0 * SURE_LOG_ODDS
-    if not common.causes or common.cost + margin > found.cost + 2.0 * PRICE * others:
+    # A common error is taken instead of gross errors, or of other causes, only at sure odds.
+    cost = found.cost + 2.0 * PRICE * others
+    if not common.causes or common.cost + 2.0 * SURE_LOG_ODDS > cost:
         return None
     return plain, common
 
