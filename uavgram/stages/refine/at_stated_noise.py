@@ -93,7 +93,7 @@ def adjust_at_stated_noise(
             survey, off_ground, left_out, unseen = given, [], [], ()
             refined = replace(plain, pick_removed=removed)
     causes = found.causes
-    if found.right or found.lines:
+    if found.right:
         # A height that was found from a wrong pick is removed together with it.
         wrong = {survey.label[survey.pick_label[k]] for k in found.wrong}
         before, off_ground = off_ground, [name for name in off_ground if name not in wrong]
@@ -190,7 +190,6 @@ def _exchange_wrong_picks(survey: Survey, refined: Refined, found: IdentifiedCau
     frames = {survey.frame_id[k] for k in survey.pick_frame[[*found.right, *found.wrong]]}
     poses = {name: one for name, one in taking.pose_widened.items() if name not in frames}
     other = replace(taking, keep=keep, reason=reason, pose_widened=poses)
-    other = other.without_lines(sorted(found.lines))
     try:
         after = find_best_minima(other.without_picks(_reasons(survey, sorted(found.wrong))))
     except GeometryError:

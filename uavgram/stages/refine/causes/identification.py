@@ -47,7 +47,6 @@ from uavgram.stages.refine.causes.swapped_labels import (
 )
 from uavgram.stages.refine.causes.trials import (
     JudgedHypothesis,
-    adjust_without_lengths,
     explain_by_noise,
     screen_hypotheses,
     try_hypothesis,
@@ -135,8 +134,6 @@ class IdentifiedCauses(NamedTuple):
         None: no prior is wrong.
     wrong, right
         Picks that take part and are wrong, and those that were left out because of them.
-    lines
-        Lengths because of which picks were left out.
     cost
         Cost of the corrected survey, with the prices of the causes.
     fits
@@ -147,7 +144,6 @@ class IdentifiedCauses(NamedTuple):
     freed: tuple[Callable[[Survey], Survey] | None, ...]
     wrong: frozenset[int] = frozenset()
     right: frozenset[int] = frozenset()
-    lines: frozenset[int] = frozenset()
     cost: float = np.inf
     fits: bool = False
 
@@ -172,15 +168,6 @@ def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
         The survey as it is adjusted at the stated noise.
     """
     found = _identify_in_turn(diagnosis)
-    if not (found.causes or found.right) and needs_cause(diagnosis):
-        # A wrong length against a log is visible only in an adjustment without it.
-        without = adjust_without_lengths(diagnosis)
-        other = found if without is diagnosis else _identify_in_turn(without)
-        if other.causes:
-            right = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
-            mends = [cause.mend for cause in other.causes if cause.mend is not None]
-            lines = frozenset(line for mend in mends for line in mend.lines)
-            found = other._replace(right=right, lines=lines)
     rest = propose_photos_elsewhere(diagnosis, found.causes, found.right)
     return found._replace(
         causes=(*found.causes, *rest), freed=(*found.freed, *(None for _ in rest))

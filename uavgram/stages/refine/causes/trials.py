@@ -16,7 +16,7 @@ from uavgram.estimation.reliability.redundancy import (
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.model.survey import SurveyCorrection
-from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
+from uavgram.stages.refine.causes.correction import readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     POSE_SIZE,
@@ -228,32 +228,3 @@ def explain_by_noise(diagnosis: Diagnosis) -> Diagnosis:
     if survey is diagnosis.survey:
         return diagnosis
     return Diagnosis(replace(diagnosis.taking, survey=survey), refined)
-
-
-def adjust_without_lengths(diagnosis: Diagnosis) -> Diagnosis:
-    """Adjust the survey without any length, where the adjustment with lengths is of no use.
-
-    This is the case where it does not converge or is distorted, or where no length is left in it.
-    The difference of the lengths from log and photos then shows the mistake.
-    """
-    survey, minimum = diagnosis.survey, diagnosis.adjustment.minimum
-    is_bent = (
-        diagnosis.spoilt.any()
-        and compute_core_fit(diagnosis.adjustment).probability < MIN_FIT_PROBABILITY
-    )
-    of_use = minimum.converged and "lengths" in minimum.blocks and not is_bent
-    if of_use or survey.telemetry is None or diagnosis.refined.line_removed.all():
-        return diagnosis
-    everything = correct_participants(
-        diagnosis, SurveyCorrection(), _contradicting_picks(diagnosis)
-    )
-    taking = replace(everything, pose_widened={}).without_lines(range(len(survey.line_start)))
-    refined = adjust_on_trial(taking)
-    if refined is None or not refined.adjustment.minimum.converged:
-        return diagnosis
-    without = Diagnosis(taking, refined)
-    return (
-        without
-        if compute_core_fit(refined.adjustment).probability > MISFIT_PROBABILITY
-        else diagnosis
-    )
