@@ -149,6 +149,13 @@ def test_what_catches_the_eye_in_a_cell_does_so_in_a_line() -> None:
     )
 
 
+def test_tags_in_a_cell_stay_tags_in_a_line() -> None:
+    rows = '<tr><td>D1 &lt; <span class="tag bad">first order</span></td><td class="n">1</td></tr>'
+
+    told = convert_tables_to_text(table(rows, ""))
+    assert '>D1 &lt; <span class="tag bad">first order</span>  1<' in told
+
+
 @pytest.mark.parametrize(
     "rows",
     [

@@ -35,6 +35,7 @@ from uavgram.model.maps import Paper
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
 from uavgram.views import formatting
+from uavgram.views.page_breaks import Layout, Sheet, improve_pages
 from uavgram.views.units import (
     convert_sentence,
     exact_lengths,
@@ -259,6 +260,7 @@ _HEAD = 9
 """Letters of a line of a head, unless its longest word is longer."""
 _TABLE = re.compile(rf'<table class="[^"]*\b{MARK}\b[^"]*">(.*?)</table>', re.DOTALL)
 _ROW = re.compile(r"<tr([^>]*)>(.*?)</tr>", re.DOTALL)
+_TAG = re.compile(r'<span class="(tag[^"]*)">([^<]*)</span>')
 _CELL = re.compile(r"<(t[hd])([^>]*)>(.*?)</\1>", re.DOTALL)
 
 SHEET = """
@@ -271,11 +273,15 @@ SHEET = """
 
 
 class _Cell(NamedTuple):
-    text: str
+    """Cell of a table: its text, and parts of it, with the CSS classes of highlighted ones."""
+
+    parts: tuple[tuple[str, str], ...]
     right: bool
     head: bool
-    looks: str
-    """CSS classes of a highlighted cell; else empty."""
+
+    @property
+    def text(self) -> str:
+        return "".join(text for text, _ in self.parts)
 
 
 def convert_tables_to_text(html: str) -> str:
@@ -291,12 +297,13 @@ def _as_text(table: str) -> str:
     """Convert a table to text; return an empty text if it has to remain a table."""
     rows = []
     for attributes, content in _ROW.findall(table):
-        cells = [
-            _Cell(unescape(text).replace("\xad", ""), _is_right(more), tag == "th", _looks(more))
-            for tag, more, text in _CELL.findall(content)
-        ]
-        if attributes or any("<" in text for *_, text in _CELL.findall(content)):
+        found = _CELL.findall(content)
+        if attributes or any("<" in _TAG.sub("", markup) for *_, markup in found):
             return ""
+        cells = [
+            _Cell(_parts(markup, _looks(more)), _is_right(more), tag == "th")
+            for tag, more, markup in found
+        ]
         rows.append(cells)
     if not rows or len({len(row) for row in rows}) > 1:
         return ""
@@ -307,6 +314,15 @@ def _as_text(table: str) -> str:
         return ""
     heads, body = ([r for r in rows if r[0].head is is_head] for is_head in (True, False))
     return _blocks(heads, body, [cell.right for cell in (body or heads)[0]])
+
+
+def _parts(markup: str, looks: str) -> tuple[tuple[str, str], ...]:
+    """Split the content of a cell into texts and their classes: those of the cell or of a tag."""
+    pieces = _TAG.split(markup)  # text, classes of a tag, its text, text after it ...
+    parts = [(pieces[0], looks)]
+    for classes, inside, after in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
+        parts += [(inside, classes), (after, looks)]
+    return tuple((unescape(text).replace("\xad", ""), look) for text, look in parts if text)
 
 
 def _classes(attributes: str) -> list[str]:
@@ -358,7 +374,7 @@ def _head(row: list[_Cell], widths: list[int], right: list[bool]) -> list[str]:
     deep = max(map(len, cells))
     filled = [[""] * (deep - len(cell)) + cell for cell in cells]
     parts = (
-        [one._replace(text=cell[k]) for one, cell in zip(row, filled, strict=True)]
+        [one._replace(parts=((cell[k], ""),)) for one, cell in zip(row, filled, strict=True)]
         for k in range(deep)
     )
     return [_line(part, widths, right) for part in parts]
@@ -368,8 +384,11 @@ def _line(cells: list[_Cell], widths: list[int], right: list[bool]) -> str:
     """Pad the cells to their widths, as HTML."""
     parts = []
     for cell, width, is_right in zip(cells, widths, right, strict=True):
-        text, room = escape(cell.text), " " * (width - len(cell.text))
-        shown = f'<span class="{cell.looks}">{text}</span>' if cell.looks else text
+        room = " " * (width - len(cell.text))
+        shown = "".join(
+            f'<span class="{look}">{escape(text)}</span>' if look else escape(text)
+            for text, look in cell.parts
+        )
         parts.append(room + shown if is_right else shown + room)
     return (" " * _GAP).join(parts).rstrip()
 
@@ -378,7 +397,17 @@ PAPER_SIZES: dict[Paper, str] = {"a4": "A4", "letter": "letter"}
 """Names of the paper sizes in style sheets."""
 
 
-def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
+MAX_LAYOUTS = 4
+"""Number of times that a page is laid out, at most, until its paper is filled."""
+
+
+def page_pdf(
+    html: str,
+    sheet: str,
+    name: str,
+    margins_mm: tuple[float, float] | None = None,
+    **options: object,
+) -> bytes:
     """Lay a page out on paper; nothing is loaded that is not in the page itself.
 
     Parameters
@@ -389,6 +418,8 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
         Additional style sheet: at least the size of the paper.
     name
         Name of the file without its ending, for messages.
+    margins_mm
+        Margins above and below the text where the pages are to be filled (see `improve_pages`).
     **options
         Options of WeasyPrint's ``write_pdf``.
 
@@ -404,10 +435,35 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
         short, parts = split_page(convert_tables_to_text(html))
         inside = _fetcher(weasyprint, parts)
-        page: bytes = weasyprint.HTML(string=short, url_fetcher=inside).write_pdf(
-            stylesheets=[weasyprint.CSS(string=SHEET + sheet)], **options
-        )
+        source = weasyprint.HTML(string=short, url_fetcher=inside)
+        finisher = options.pop("finisher", None)
+        styles: tuple[str, ...] = (SHEET + sheet,)
+        layouts: list[Layout] = []
+        while len(layouts) < MAX_LAYOUTS:
+            laid_out = source.render(
+                stylesheets=[weasyprint.CSS(string=one) for one in styles], **options
+            )
+            sheets = _locate_elements(laid_out, margins_mm) if margins_mm else ()
+            layouts.append(Layout(styles, sheets))
+            if (better := improve_pages(layouts)) == styles:
+                break
+            styles = better
+        page: bytes = laid_out.write_pdf(finisher=finisher, **options)
     return page
+
+
+def _locate_elements(laid_out: Any, margins_mm: tuple[float, float]) -> tuple[Sheet, ...]:  # noqa: ANN401
+    """Return where the elements with an id are on the pages of WeasyPrint's document."""
+    above, below = (96 / 25.4 * margin for margin in margins_mm)
+    return tuple(
+        Sheet(
+            top=above,
+            bottom=page.height - below,
+            filled=max((at[-1] for at in page.anchors.values()), default=page.height - below),
+            places={name: at[1] for name, at in page.anchors.items()},
+        )
+        for page in laid_out.pages
+    )
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from PIL import Image
 from uavgram.imaging.photos.preview import IDENTITY_TONE
 from uavgram.imaging.top_view.mosaic import MOST_PX, GroundTexture, cut_ground
 from uavgram.model.provenance import case_from_options
-from uavgram.model.result.reliability import MeasurementStatus
+from uavgram.model.result.reliability import MeasurementStatus, Verdict
 from uavgram.model.result.result import NO_PICTURES, Result
 from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.report import ground_extent, render_annex, render_report
@@ -206,3 +206,19 @@ def test_the_backdrop_lies_where_the_drawing_has_its_corners() -> None:
     assert html.count("<image ") == 1
     assert "appear displaced away from the camera" in html
     assert '<section id="plan">' not in render_report(result)
+
+
+def test_a_red_result_states_no_accuracy() -> None:
+    result = survey.build()
+    red = replace(result, verdict=Verdict(level="red", reasons=()))
+
+    assert lay_out_brief(result).accuracy
+    assert not lay_out_brief(red).accuracy
+
+
+def test_what_is_true_of_all_measurements_does_not_list_them() -> None:
+    result = survey.build(measures=(("a", "distance", ("P01", "P10"), "m"),) * 3)
+    rows = replace(result.measurements, status=("doubtful",) * 3)
+
+    told = lay_out_brief(replace(result, measurements=rows)).limits
+    assert told[0].endswith("does not fit: all 3 measurements.")

@@ -207,13 +207,16 @@ def test_without_weasyprint_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatc
         check_pdf()
 
 
-# The printed report is short: pages are counted, and none but the last is half empty.
+# The printed report is short: pages are counted, and none is half empty.
 
 
 ONE: tuple[survey.Measure, ...] = (("skid left", "distance", ("P01", "P10"), "m"),)
 MOST_PAGES = {"one": 4, "several": 8}
-FOOT, LEAST_FULL = 0.92, 0.6
-"""Of the height of a page: where its foot begins, and how far down its text must reach."""
+FOOT, LEAST_FULL, LEAST_OF_TWO = 0.92, 0.6, 0.45
+"""Of the height of a page: where its foot begins, and how far down its text must reach.
+
+The last two pages share what is left: both may end in the middle.
+"""
 
 
 def jpeg(width: int, height: int) -> bytes:
@@ -279,10 +282,43 @@ def test_there_are_few_pages(printed: tuple[str, bytes]) -> None:
     assert len(pikepdf.open(io.BytesIO(content)).pages) <= MOST_PAGES[many]
 
 
-def test_no_page_but_the_last_is_half_empty(printed: tuple[str, bytes], tmp_path: Path) -> None:
-    full = reach(printed[1], tmp_path)[:-1]
+def test_no_page_is_half_empty(printed: tuple[str, bytes], tmp_path: Path) -> None:
+    full = reach(printed[1], tmp_path)
 
-    assert full.min() > LEAST_FULL, full
+    assert full[:-2].min() > LEAST_FULL, full
+    assert full.min() > LEAST_OF_TWO, full
+
+
+VARIANTS: dict[str, survey.Variant] = {
+    "one photo": {"measures": ONE, "frame_count": 1},
+    "no log": {"telemetry": False},
+    "no messages": {"clean": True},
+    "no lengths": {"lines": ()},
+    "many": {
+        "measures": tuple(
+            (f"D{i}", "distance", (f"P{i % 9:02d}", f"P{9 + i % 11:02d}"), "m") for i in range(40)
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("paper", ["a4", "letter"])
+@pytest.mark.parametrize("kind", ["short", "red"])
+@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
+def test_no_page_of_other_surveys_is_half_empty(
+    variant: survey.Variant, kind: str, paper: Paper, tmp_path: Path
+) -> None:
+    try:
+        check_pdf()
+    except UavgramError as fault:
+        pytest.skip(str(fault))
+    result = survey.build(**variant)
+    result = with_much_to_say(result) if kind == "red" else result
+    page = render_report(result, pictures(result))
+    full = reach(report_pdf(page, "{}", paper, "crossing", "2026-01-05T11:00:00Z"), tmp_path)
+
+    assert full[:-2].min() > LEAST_FULL, full
+    assert full.min() > LEAST_OF_TWO, full
 
 
 def reach(content: bytes, folder: Path) -> Floats:
@@ -303,6 +339,15 @@ def test_a_section_does_not_begin_with_room_for_its_head_alone(tmp_path: Path) -
 
     assert "Checks of the result" not in first
     assert any("Checks of the result" in other and "R4" in other for other in others)
+
+
+@pytest.mark.parametrize("above_mm", range(90, 180, 10))
+def test_a_table_is_not_torn_near_its_ends(above_mm: int, tmp_path: Path) -> None:
+    pages = pages_of("checks", above_mm, tmp_path)
+    rows = [len(re.findall(r"^ *R\d \w+: ", page, re.MULTILINE)) for page in pages]
+
+    assert sum(rows) == 5
+    assert max(rows) == 5, rows
 
 
 def test_a_table_of_two_pages_has_its_head_on_both_and_rows_above_the_signature(
@@ -328,7 +373,8 @@ def pages_of(section: str, above_mm: int, tmp_path: Path) -> list[str]:
     page = render_report(with_much_to_say(survey.build()))
     head, _, body = page.partition("<body>")
     start = body.index(f'<section id="{section}">')
-    part = body[start : body.index("</section>", start)]
+    # without the mark by which the last two pages share what is left
+    part = body[start : body.index("</section>", start)].replace('<div id="end"></div>', "")
     html = f'{head}<body><div style="height: {above_mm}mm"></div>{part}</section></body></html>'
     path = tmp_path / "report.pdf"
     path.write_bytes(report_pdf(html, "{}", "a4", "crossing", "2026-01-05T11:00:00Z"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -104,7 +105,9 @@ def lay_out_brief(result: Result) -> Brief:
     case = case_from_options(result.provenance.options)
     others = [reason.text for reason in result.verdict.reasons[1:]]
     reasons = others[:MAX_REASONS]
-    accuracy, limits = accuracy_words(result), tuple(_limits(result))
+    # a red result has no accuracy that could be stated
+    accuracy = "" if result.verdict.level == "red" else accuracy_words(result)
+    limits = tuple(_limits(result))
     words = verdict_words(result)
     left_mm = PAGE_MM - HEAD_MM - ROW_MM * (1 + len(case)) - _text_mm(result.name, TITLE) - GAP_MM
     left_mm -= _text_mm(words.sentence, STRONG_LINE)
@@ -132,6 +135,13 @@ def _text_mm(text: str, letters: int = LINE) -> float:
     return math.ceil(len(text) / letters) * LINE_MM + GAP_MM if text else 0.0
 
 
+def _listed_or_all(names: Sequence[str], every: Sequence[str]) -> str:
+    """List the names; those of all measurements, if there are several, are counted."""
+    if 1 < len(names) == len(every):
+        return f"all {len(names)} measurements"
+    return listed(names, MAX_NAMES)
+
+
 def _limits(result: Result) -> list[str]:
     rows = result.measurements
     known = np.isfinite(rows.value)
@@ -149,7 +159,9 @@ def _limits(result: Result) -> list[str]:
             if alone
         ],
     }
-    told = [f"{words}: {listed(names, MAX_NAMES)}." for words, names in several.items() if names]
+    told = [
+        f"{words}: {_listed_or_all(names, rows.name)}." for words, names in several.items() if names
+    ]
     checks = checks_summary(result)
     if checks is None:
         none = "No length and no point was withheld for a comparison with the result"

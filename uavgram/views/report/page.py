@@ -353,8 +353,9 @@ def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object
 
 
 def _made_by(result: Result) -> dict[str, object]:
-    """Return the origin of picks and values, and the ties between photos."""
+    """Return the time of the run, the origin of picks and values, and the ties between photos."""
     return {
+        "made": f"{datetime.fromisoformat(result.provenance.created_utc):%Y-%m-%d %H:%M} UTC",
         "source_words": SOURCE_WORDS,
         "found_any": has_automatic_picks(result),
         "only_program": ONLY_PROGRAM,
@@ -387,9 +388,12 @@ _NAME = "report"
 _BESIDE = re.compile(r'href="([^":#]+)\.html"')
 """Link to the page beside this one, which on paper becomes a link to its PDF."""
 
+MARGINS_MM = (16.0, 20.0)
+"""Margins of the paper above and below the text."""
+
 _SHEET = """
 @page {{
-  size: {size} !important; margin: 16mm 14mm 20mm !important;
+  size: {size} !important; margin: {margins[0]}mm 14mm {margins[1]}mm !important;
   @bottom-left {{
     content: "{name} \\B7  results.json SHA-256 {digest}";
     font: 6.5pt sans-serif; color: #5b6470; width: 85%;
@@ -452,11 +456,12 @@ def report_pdf(
         relationship="Data",
     )
     shown = name.translate({ord(c): " " for c in '"\\\n'})
-    sheet = _SHEET.format(size=PAPER_SIZES[paper], digest=digest, name=shown)
+    sheet = _SHEET.format(size=PAPER_SIZES[paper], digest=digest, name=shown, margins=MARGINS_MM)
     return page_pdf(
         _BESIDE.sub(r'href="\1.pdf"', html),
         sheet,
         _NAME,
+        MARGINS_MM,
         attachments=[attached] if attach else [],
         pdf_variant="pdf/a-3b",
         pdf_identifier=bytes.fromhex(digest)[:16],
