@@ -210,8 +210,9 @@ def match_lines(done: Matches) -> list[str]:
     lines += _reasons(missed)
     if done.not_sought:
         lines.append(
-            f"not looked for: {listed(done.not_sought, MAX_NAMED)}: their picks are not used in "
-            "the adjustment; `uavgram run` gives the reason"
+            f"not looked for: {listed(done.not_sought, MAX_NAMED)}: their picks contradict each "
+            "other, or are not used in the adjustment, so no place is known: check them in "
+            "`uavgram pick`; `uavgram run` gives the reason"
         )
     if done.turned_rad:
         lines.append(

@@ -9,7 +9,7 @@ import pytest
 from place_only_scenes import place_only
 
 from uavgram.model.survey import Survey
-from uavgram.pipeline.match.adjustment import find_unplaced
+from uavgram.pipeline.match.adjustment import find_unplaced, mark_sound_clicks
 from uavgram.stages.refine.minima import Participants
 from uavgram.stages.seed.headings import find_headings
 
@@ -49,3 +49,30 @@ def test_a_label_in_one_photo_determines_none() -> None:
     )
 
     assert unplaced(alone) == frozenset()
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_click_far_beside_the_others_is_the_only_one_left_out(seed: int) -> None:
+    survey, _ = find_headings(place_only(seed, labels=LABELS, raised_m=RAISED_M).survey)
+    shown = np.bincount(survey.pick_label)
+    wrong = int(np.flatnonzero(shown[survey.pick_label] == shown.max())[0])
+    pixel = survey.pixel_px.copy()
+    pixel[wrong] += (60.0, -45.0)
+    every = np.ones(len(pixel), np.bool_)
+    none = np.zeros(len(survey.line_start), np.bool_)
+    taking = Participants(replace(survey, pixel_px=pixel), every, none, {})
+
+    sound = mark_sound_clicks(taking, frozenset(survey.label))
+
+    assert np.flatnonzero(~sound).tolist() == [wrong]
+
+
+def test_a_wrong_length_makes_no_click_wrong() -> None:
+    survey, _ = find_headings(place_only(3, labels=LABELS, raised_m=RAISED_M).survey)
+    length = survey.length_m.copy()
+    length[0] += 1.0
+    every = np.ones(len(survey.pick_frame), np.bool_)
+    none = np.zeros(len(length), np.bool_)
+    taking = Participants(replace(survey, length_m=length), every, none, {})
+
+    assert mark_sound_clicks(taking, frozenset(survey.label)).all()

@@ -7,6 +7,7 @@ causes. Observations left out there stay out; afterwards only poses and points a
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from uavgram.estimation.survey.adjustment import (
     Refined,
     compute_heights_at,
 )
+from uavgram.estimation.survey.selection import select_control, select_lines, select_picks
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
 from uavgram.model.survey import Survey
@@ -126,20 +128,32 @@ class BaseAdjustment:
         (P,) picks of the survey that take part.
     refined
         Adjustment of the picks and measurements by people.
+    contradictory
+        Labels whose clicks contradict each other, without two that agree: no one knows which is
+        wrong.
     """
 
     inputs: Inputs
     posed: PosedFrames
     keep: Bools
     refined: Refined
+    contradictory: frozenset[str] = frozenset()
 
     def sources(self, adjustment: Adjustment) -> list[int]:
         """Return numbers of the project's picks by hand that take part in an adjustment."""
         survey, picks = adjustment.survey, self.inputs.picks
-        pairs = zip(survey.pick_frame.tolist(), survey.pick_label.tolist(), strict=True)
-        there = {(survey.frame_id[frame], survey.label[label]) for frame, label in pairs}
+        frames, labels = survey.pick_frame.tolist(), survey.pick_label.tolist()
+        there = {
+            (survey.frame_id[frame], survey.label[label], *pixel)
+            for frame, label, pixel in zip(frames, labels, survey.pixel_px.tolist(), strict=True)
+            if survey.label[label] not in self.contradictory
+        }
         by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
-        return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
+        return [
+            i
+            for i in by_hand
+            if (picks.image[i], picks.label[i], *picks.pixel_px[i].tolist()) in there
+        ]
 
     def remove_unfit(self, asked: Bools) -> tuple[BaseAdjustment, Bools]:
         """Remove those of some earlier matches (P,) that no longer fit; also return their mask."""
@@ -291,19 +305,85 @@ def adjust_manual_picks(inputs: Inputs, posed: PosedFrames) -> BaseAdjustment:
         np.zeros(len(survey.line_start), np.bool_),
     )
     tied = add_tied_frames(survey)[0]
-    unplaced = find_unplaced(Participants(tied, every, none, {}), find_blank_labels(picks))
-    survey = _set_unknown_heights(survey, np.isin(survey.label, sorted(unplaced)))
-    refined, _ = adjust_survey(survey, inputs.project.solve)
-    keep = np.ones(len(survey.pick_frame), dtype=np.bool_)
-    keep[: len(refined.pick_removed)] = ~refined.pick_removed
-    out = [i for i, why in refined.pick_reason.items() if why.cause not in TRIED_AGAIN]
-    keep[out] = False
-    return BaseAdjustment(inputs, posed, keep, refined)
+    taking, blank = Participants(tied, every, none, {}), find_blank_labels(picks)
+    sound = mark_sound_clicks(taking, blank)
+    unplaced = find_unplaced(replace(taking, keep=sound), blank)
+    free = _set_unknown_heights(survey, np.isin(survey.label, sorted(unplaced)))
+    # Of two clicks that contradict each other, lengths and known points show the wrong one.
+    unclear, measured = _mark_unclear(survey, sound), _mark_measured(survey)
+    taken = sound | (unclear & measured)[survey.pick_label]
+    refined, _ = adjust_survey(
+        free if taken.all() else select_picks(free, taken).survey, inputs.project.solve
+    )
+    rows, fits = np.flatnonzero(taken), taken.copy()
+    fits[rows[np.flatnonzero(refined.pick_removed)]] = False
+    keep = fits.copy()
+    for i, why in refined.pick_reason.items():
+        fits[rows[i]] &= why.cause is not LeftOutCause.GROSS
+        keep[rows[i]] &= why.cause in TRIED_AGAIN
+    unclear = _mark_unclear(survey, fits) & ~measured
+    contradictory = frozenset(np.array(survey.label)[unclear].tolist())
+    return BaseAdjustment(inputs, posed, keep, refined, contradictory)
+
+
+def _mark_unclear(survey: Survey, sound: Bools) -> Bools:
+    """Mark labels (K,) with a wrong click and without two sound ones (P,) that agree."""
+    agreeing = np.bincount(survey.pick_label[sound], minlength=len(survey.label))
+    wrong = np.bincount(survey.pick_label[~sound], minlength=len(survey.label))
+    return np.asarray((wrong > 0) & (agreeing < 2))
+
+
+def _mark_measured(survey: Survey) -> Bools:
+    """Mark labels (K,) of known coordinates, or of which a length or another quantity is known."""
+    known = [one.label for one in survey.known]
+    some = np.concatenate([survey.control_label, survey.line_start, survey.line_end, *known])
+    return np.isin(np.arange(len(survey.label)), some)
 
 
 def find_blank_labels(picks: Picks) -> frozenset[str]:
     """Return labels whose height is neither stated nor free."""
     return frozenset(list_labels_without_height(picks, zip(picks.image, picks.label, strict=True)))
+
+
+def mark_sound_clicks(taking: Participants, blank: Collection[str]) -> Bools:
+    """Mark clicks (P,) that the other clicks do not contradict, at any height of their labels.
+
+    Lengths and known points take no part, as one of them may be wrong as well. Where the clicks
+    alone determine no poses, none is contradicted.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    blank
+        Labels of unknown height.
+    """
+    survey = _set_unknown_heights(taking.survey, _mark_unsure(taking, blank))
+    survey = select_lines(survey, np.zeros(len(survey.line_start), np.bool_))
+    survey = select_control(survey, np.zeros(len(survey.control_label), np.bool_))
+    survey = replace(survey, known=())
+    alone = replace(taking, survey=survey, line_removed=np.zeros(0, np.bool_))
+    keep = taking.keep.copy()
+    with suppress(GeometryError):
+        for _ in range(MAX_ROUNDS):
+            refined = find_best_minima(replace(alone, keep=keep))
+            adjustment = refined.adjustment
+            block, seen = adjustment.minimum.blocks["pixels"], adjustment.survey
+            misfit = compute_reductions(block, adjustment.covariance)
+            wrong = _mark_worst(misfit, WRONG, (seen.pick_frame, seen.pick_label))
+            if not wrong.any():
+                break
+            keep[refined.pick_index[wrong]] = False
+    return keep
+
+
+def _mark_unsure(taking: Participants, blank: Collection[str]) -> Bools:
+    """Mark labels (K,) of unknown height that several photos show."""
+    seen = select_picks(taking.survey, taking.keep).survey
+    shown = {
+        name for name, count in zip(seen.label, _photos_of_labels(seen), strict=True) if count > 1
+    }
+    return np.isin(taking.survey.label, sorted(shown & set(blank)))
 
 
 def find_unplaced(taking: Participants, blank: Collection[str]) -> frozenset[str]:
@@ -319,7 +399,7 @@ def find_unplaced(taking: Participants, blank: Collection[str]) -> frozenset[str
         Labels of unknown height.
     """
     survey = taking.survey
-    unsure = np.isin(survey.label, sorted(blank)) & (_photos_of_labels(survey) >= 2)
+    unsure = _mark_unsure(taking, blank)
     if not unsure.any():
         return frozenset()
     try:
@@ -404,9 +484,16 @@ def _find_misfits(adjustment: Adjustment, picks: Picks) -> set[int]:
     misfit = _misfits(adjustment, picks)
     survey = adjustment.survey
     label = survey.pick_label[sightings.pick][sightings.point]
-    wrong = misfit > np.where(survey.off_ground[label], WRONG_RAISED, WRONG)
-    for group in (sightings.frame, sightings.point):
+    most = np.where(survey.off_ground[label], WRONG_RAISED, WRONG)
+    wrong = _mark_worst(misfit, most, (sightings.frame, sightings.point))
+    return set(sightings.row[wrong].tolist())
+
+
+def _mark_worst(misfit: Floats, most: Floats | float, groups: tuple[Ints, ...]) -> Bools:
+    """Mark misfits (n,) above limits that are the largest of each of their groups."""
+    wrong = misfit > most
+    for group in groups:
         worst = np.zeros(int(group.max()) + 1)
         np.maximum.at(worst, group, misfit)
         wrong &= misfit >= worst[group]
-    return set(sightings.row[wrong].tolist())
+    return np.asarray(wrong)
