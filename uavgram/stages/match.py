@@ -383,6 +383,35 @@ def find_raised_labels(evidence: HeightEvidence, odds: float = EVEN_ODDS) -> set
     return raised
 
 
+def shows_ground(evidence: HeightEvidence) -> bool:
+    """Return whether some of the labels taken for the ground are more likely on it than none.
+
+    Their heights cannot show this, as the corners of one car may be a plane, too. But most photos
+    show points on the ground at their places, and few show those off it. An unknown share of the
+    labels is on the ground; all shares are equally likely before any photo is searched. (Bayes'
+    rule)
+
+    Parameters
+    ----------
+    evidence
+        What the photos show; only searches count.
+    """
+    on_ground, behind = SHOWN
+    is_found = np.isfinite(evidence.off_px).all(axis=1)
+    each = np.log(np.where(is_found, on_ground / behind, (1.0 - on_ground) / (1.0 - behind)))
+    searched = ~evidence.is_picked
+    _, label = np.unique(np.array(evidence.label, np.str_)[searched], return_inverse=True)
+    ratio = np.bincount(label, each[searched])
+    # Likelihoods of what the photos show, by share, relative to that of labels off the ground.
+    any_ = np.logaddexp(np.log(SHARES)[:, None] + ratio, np.log1p(-SHARES)[:, None]).sum(axis=1)
+    none = len(ratio) * np.log1p(-SHARES)
+    return bool(logsumexp(any_) - logsumexp(none) > np.log(2.0))  # without none, more than none
+
+
+SHARES = (np.arange(100) + 0.5) / 100.0
+"""Shares of the labels that are on the ground, for the mean over all of them."""
+
+
 def _squares(off_px: Floats, weight: Floats) -> Floats:
     """Compute squared distances (n, h) of places (n, h, 2) in sigmas, by weights (n, 2, 2)."""
     return np.asarray(np.einsum("nhi,nij,nhj->nh", off_px, weight, off_px))

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+from uavgram.cli import main
 from uavgram.imaging.matching.line_of_sight import LineMatches, SightLine, match_along_line
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
@@ -157,3 +158,35 @@ def test_a_second_click_in_the_same_photo_is_no_other_view(
 
     assert views
     assert max(views) == len(CENTERS_M) - 1
+
+
+@pytest.mark.parametrize("height_m", ["", "0"])
+def test_points_that_look_different_in_most_photos_are_found_only_where_the_ground_is_known(
+    points: dict[str, Floats], tmp_path: Path, capsys: pytest.CaptureFixture[str], height_m: str
+) -> None:
+    ground = {label: place for label, place in points.items() if label[0] == "P"}
+    project = write_project(ground, tmp_path, (0, 4))
+    marks = list(ground)[:6]
+    picks = tmp_path / "picks.csv"
+    rows = [row + height_m * (row.split(",")[1] in marks) for row in picks.read_text().split()]
+    picks.write_text("\n".join(rows) + "\n")
+    project.write_text(project.read_text() + "picks_sigma_px: 0.1\n")
+    rng = np.random.default_rng(5)
+    for number in (2, 3):
+        picture = np.asarray(cv2.imread(str(tmp_path / f"{number}.png"), cv2.IMREAD_GRAYSCALE))
+        for label in set(ground) - set(marks):
+            u, v = np.round(seen(ground[label][None], number)[0]).astype(int).clip(25)
+            spot = picture[v - 25 : v + 25, u - 25 : u + 25]
+            spot[:] = cv2.GaussianBlur(rng.integers(0, 255, spot.shape, np.uint8), (0, 0), 1.0)
+        cv2.imwrite(str(tmp_path / f"{number}.png"), picture)
+
+    status = main(["picks", "match", str(project)])
+
+    assert status == 0
+    said = capsys.readouterr().out
+    found = [row for row in picks.read_text().splitlines() if ",match," in row]
+    if height_m:
+        assert len(found) > 5
+    else:
+        assert found == []
+        assert "also pick three marks on the road, each in two photos" in said

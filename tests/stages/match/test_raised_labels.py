@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.stages.match import HeightEvidence, find_raised_labels
+from uavgram.stages.match import HeightEvidence, find_raised_labels, shows_ground
 
 MISSED = [np.nan, np.nan]
 RISE = np.array([60.0, 0.0])
@@ -70,3 +70,40 @@ def test_a_search_with_little_parallax_is_no_proof_of_anything() -> None:
 
 def test_a_corner_in_very_many_photos_is_raised_without_overflow() -> None:
     assert is_raised(40 * [[40.0, 0.0]], picked=40)
+
+
+def looks_like_ground(counts: list[tuple[int, int]]) -> bool:
+    """Whether labels do, from numbers of photos that show them and do not."""
+    shown = [
+        [place] * count for pair in counts for place, count in zip((0.0, np.nan), pair, strict=True)
+    ]
+    off = np.array([place for places in shown for place in places])
+    label = [str(k) for k, pair in enumerate(counts) for _ in range(sum(pair))]
+    n = len(label)
+    return shows_ground(
+        HeightEvidence(
+            tuple(label),
+            np.column_stack([off, off]),
+            np.tile(np.eye(2), (n, 1, 1)),
+            np.tile(RISE, (n, 1)),
+            np.zeros(n, np.bool_),
+        )
+    )
+
+
+MARKS, CAR = [(3, 0), (3, 0), (1, 2)], [(1, 3), (0, 3), (1, 2), (0, 3), (2, 2)]
+
+
+@pytest.mark.parametrize("cars", [0, 1, 3])
+def test_two_marks_that_most_photos_show_are_ground_beside_any_number_of_cars(cars: int) -> None:
+    assert looks_like_ground(MARKS + cars * CAR)
+
+
+@pytest.mark.parametrize("cars", [1, 3])
+def test_labels_that_most_photos_show_elsewhere_are_no_ground(cars: int) -> None:
+    assert not looks_like_ground(cars * CAR)
+
+
+def test_the_fewer_labels_the_sooner_none_is_on_the_ground() -> None:
+    assert not looks_like_ground([(3, 2)])
+    assert looks_like_ground([(1, 0), (2, 3), (2, 1), (0, 5), (0, 3)])

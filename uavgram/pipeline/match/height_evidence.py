@@ -11,12 +11,15 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import Picks
-from uavgram.pipeline.match.selection import list_labels_without_height
+from uavgram.pipeline.match.selection import find_sources, list_labels_without_height
 from uavgram.stages.match import REGION_SQUARED, Candidates, HeightEvidence, Missed, Record
 
 MIN_PX = 0.5
 """Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
 distortion."""
+
+UNSEARCHED = {REASON_TEXTS[why] for why in (RefusalReason.OUTSIDE, RefusalReason.TOO_FAR)}
+"""Reasons of searches that did not look at the whole region."""
 
 
 class _Seen(NamedTuple):
@@ -41,21 +44,21 @@ def collect_height_evidence(
     picks
         Picks of the project.
     record
-        The search so far.
+        The search so far; finds of earlier searches are among the picks.
     sigma_px
         Sigma of picks that do not state one [px].
     """
     blank = set(list_labels_without_height(picks, zip(picks.image, picks.label, strict=True)))
     seen = _compare_picks(adjustment, picks, sigma_px)
     places = candidates.places
-    for row, pair in enumerate(candidates.pair):
-        found, tried = record.found.get(pair), record.missed.get(pair, ())
-        if found is not None and found.pick == candidates.pick[row]:
-            off = np.array(found.pixel_px) - places.pixel_px[row]
-        elif found is None and any(
-            missed.pick == candidates.pick[row] and is_informative(candidates, row, missed)
-            for missed in tried
-        ):
+    found = {pair: (one.pick, one.pixel_px) for pair, one in record.found.items()}
+    for row, source in find_sources(picks).items():
+        found[picks.image[row], picks.label[row]] = source, picks.pixel_px[row]
+    for row, (pair, pick) in enumerate(zip(candidates.pair, candidates.pick.tolist(), strict=True)):
+        tried = [one for one in record.missed.get(pair, ()) if one.pick == pick]
+        if pair in found and found[pair][0] == pick:
+            off = np.array(found[pair][1]) - places.pixel_px[row]
+        elif pair not in found and any(is_informative(candidates, row, one) for one in tried):
             off = np.full(2, np.nan)
         else:
             continue
@@ -111,8 +114,8 @@ def locate_picks(adjustment: Adjustment, picks: Picks) -> tuple[PickedPixels, li
 def is_informative(candidates: Candidates, row: int, missed: Missed) -> bool:
     """Return whether an unsuccessful search contains information on the height.
 
-    Outside the photo there is none. A look-alike beside the line of sight has moved; one along it
-    may be at another height.
+    Where nothing was searched there is none. A look-alike beside the line of sight has moved; one
+    along it may be at another height.
 
     Parameters
     ----------
@@ -122,7 +125,7 @@ def is_informative(candidates: Candidates, row: int, missed: Missed) -> bool:
         The search there.
     """
     if missed.pixel_px is None:
-        return missed.why != REASON_TEXTS[RefusalReason.OUTSIDE]
+        return missed.why not in UNSEARCHED
     places = candidates.places
     across = np.array([-1.0, 1.0]) * places.rise[row, ::-1]
     off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])

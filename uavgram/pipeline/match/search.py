@@ -19,7 +19,7 @@ from uavgram.estimation.measuring.predicted_pixels import (
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.model.arrays import Floats, Ints
-from uavgram.pipeline.match.adjustment import BaseAdjustment
+from uavgram.pipeline.match.adjustment import BaseAdjustment, find_blank_labels
 from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
 from uavgram.pipeline.match.patch_search import (
     Photos,
@@ -45,6 +45,7 @@ from uavgram.stages.match import (
     find_contradicted,
     find_raised_labels,
     pick_sigmas,
+    shows_ground,
 )
 
 MAX_ROUNDS = 11
@@ -53,8 +54,16 @@ MAX_ROUNDS = 11
 LINES_BEFORE = 1
 """Rounds from the end at which lines of sight are searched, even if ground places remain."""
 
+PLANE = 3
+"""Number of points that determine a plane."""
+
 
 UNPLACED = "the photos do not show it on the ground, and its height is not known"
+
+GROUNDLESS = (
+    "the photos do not show which points are on the ground, as these look different in most of "
+    "them: also pick three marks on the road, each in two photos, with a height_m of 0"
+)
 
 
 class Search(NamedTuple):
@@ -88,6 +97,7 @@ def search_all_photos(
         Odds that a label without a height is on the ground.
     """
     record, adjustment, unplaced = _drop_contradicted(base, Record())
+    sigma_px = base.inputs.project.picks_sigma_px
     for left in reversed(range(MAX_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
@@ -95,7 +105,7 @@ def search_all_photos(
             choose_next_places(candidates, asked, record),
             choose_lines(candidates, asked, record),
         )
-        picks, sigma_px = base.inputs.picks, base.inputs.project.picks_sigma_px
+        picks = base.inputs.picks
         evidence = collect_height_evidence(adjustment, picks, candidates, record, sigma_px)
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
         as_ground = [pair for pair in record.found if pair[1] in off]  # its patch may be wrong
@@ -121,7 +131,26 @@ def search_all_photos(
         if record.found != before.found:
             record, adjustment, unplaced = _drop_contradicted(base, record)
     unsure = {pair: UNPLACED for pair in record.found if pair[1] in unplaced}
+    evidence = collect_height_evidence(
+        adjustment, base.inputs.picks, _candidates(base, adjustment), record, sigma_px
+    )
+    if not (_knows_ground(base, adjustment) or shows_ground(evidence)):
+        blank = find_blank_labels(base.inputs.picks)
+        unsure |= {pair: GROUNDLESS for pair in record.found if pair[1] in blank}
     return Search(record.without(unsure), adjustment, unplaced)
+
+
+def _knows_ground(base: BaseAdjustment, adjustment: Adjustment) -> bool:
+    """Return whether known points, each picked in two photos, determine the ground.
+
+    Known are control points, and labels of stated height.
+    """
+    picks, survey = base.inputs.picks, adjustment.survey
+    known = set(np.array(picks.label)[~np.isnan(picks.height_m)].tolist())
+    known |= {survey.label[k] for k in survey.control_label.tolist()}
+    pairs = {(picks.image[i], picks.label[i]) for i in base.sources(adjustment)}
+    photos = Counter(label for _, label in pairs)
+    return sum(photos[label] > 1 for label in known) >= PLANE
 
 
 def _free_heights(

@@ -43,16 +43,20 @@ def list_labels_without_height(picks: Picks, pairs: Iterable[Pair]) -> list[str]
     return [label for _, label in pairs if label not in stated]
 
 
+def find_sources(picks: Picks) -> dict[int, int]:
+    """Return the pick that each match was found from, by row; none where that pick was moved."""
+    clicks = picks.clicks
+    sources: dict[int, int] = {}
+    for i in np.flatnonzero(picks.of_source("match")).tolist() if picks.from_image else ():
+        for own in clicks.get((picks.from_image[i], picks.label[i]), []):
+            if np.linalg.norm(picks.pixel_px[own] - picks.from_px[i]) <= SAME_PLACE_PX:
+                sources[i] = own
+    return sources
+
+
 def mark_valid_matches(picks: Picks) -> Bools:
     """Mark matches (P,) whose pick is where they were found from."""
-    made = picks.of_source("match")
-    clicks = picks.clicks
-    holds = np.zeros(len(made), dtype=np.bool_)
-    for i in np.flatnonzero(made).tolist() if picks.from_image else ():
-        own = clicks.get((picks.from_image[i], picks.label[i]), [])
-        away = np.linalg.norm(picks.pixel_px[own] - picks.from_px[i], axis=1)
-        holds[i] = (away <= SAME_PLACE_PX).any()
-    return holds
+    return np.isin(np.arange(len(picks.image)), list(find_sources(picks)))
 
 
 def check_selection(inputs: Inputs, asked: Selection) -> None:
