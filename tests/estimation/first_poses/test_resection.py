@@ -56,7 +56,7 @@ def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
     (center, rotation), point = made_up(seed, 25.0, 12.0)
     ray = seen_by((center, rotation), point)
     turned = rotation @ Rotation.from_rotvec([0.05, -0.04, 0.1]).as_matrix()
-    end = refine_pose((center + np.array([1.0, -2.0, 1.5]), turned), on_plane(point), ray, SIGMA)
+    end = refine_pose([(center + np.array([1.0, -2.0, 1.5]), turned)], on_plane(point), ray, SIGMA)
     assert end is not None
     cost, (found, found_rotation) = end
     assert cost * SIGMA[0] ** 2 < 1e-12
@@ -67,8 +67,8 @@ def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
 def test_no_pose_below_the_ground_or_with_points_behind_it() -> None:
     (center, rotation), point = made_up(1, 0.0, 12.0)
     ray = seen_by((center, rotation), point)
-    assert refine_pose((-center, rotation), on_plane(point), ray, SIGMA) is None
-    assert refine_pose((center, -DOWN), on_plane(point), ray, SIGMA) is None
+    assert refine_pose([(-center, rotation)], on_plane(point), ray, SIGMA) is None
+    assert refine_pose([(center, -DOWN)], on_plane(point), ray, SIGMA) is None
     direct = resect_from_plane(point, ray)
     assert direct is not None
     np.testing.assert_allclose(direct[0], center, atol=1e-6)

@@ -125,11 +125,8 @@ class PlaneNetwork:
             return _JoinedPose(0.0, starts[0]) if starts else None
         world = np.column_stack([target, height])
         sigma = self._survey.pick_sigma_px[known] / self._survey.calibration.parameters[0]
-        ends = (
-            refine_pose(pose, world, ray, sigma)
-            for pose in (direct, find_second_pose(direct, target[flat]), *starts)
-        )
-        found = min(filter(None, ends), key=lambda end: end[0], default=(np.inf, direct))
+        poses = (direct, find_second_pose(direct, target[flat]), *starts)
+        found = refine_pose(poses, world, ray, sigma) or (np.inf, direct)
         return _JoinedPose(float(np.sqrt(found[0] / len(known))), found[1])
 
     def _over(self, planes: Iterable[Floats], known: Ints, target: Floats) -> list[Pose]:

@@ -15,6 +15,7 @@ sample consensus"), here all of these sets or a fixed sample.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from math import comb
 from typing import NamedTuple
@@ -228,14 +229,14 @@ def find_second_pose(pose: Pose, point_m: Floats) -> Pose:
 
 
 def refine_pose(
-    pose: Pose, world_m: Floats, ray: Floats, sigma: Floats
+    starts: Sequence[Pose], world_m: Floats, ray: Floats, sigma: Floats
 ) -> tuple[float, Pose] | None:
     """Refine a pose to the best fit of the rays, and return its sum of squares with it.
 
     Parameters
     ----------
-    pose
-        Initial pose.
+    starts
+        Initial poses, all refined together; the best end is returned.
     world_m
         (N, 3) points on the plane z = 0 or near it.
     ray
@@ -246,17 +247,21 @@ def refine_pose(
     Returns
     -------
     None
-        If a point is not before the camera, or the camera not above the plane.
+        If at each end a point is not before the camera, or the camera not above the plane.
     """
     size = np.linalg.norm(ray, axis=1)[:, None]
     across = np.zeros((len(ray), 2, 3))  # from unit vectors to x and y at z = 1
     across[:, [0, 1], [0, 1]] = 1.0
     across[:, :, 2] = -ray[:, :2]
     across *= (size / sigma[:, None])[:, None]
-    problem = make_ray_problem((ray / size)[None], across[None], world_m[None])
-    ends = minimise_each(problem, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
-    (center, rotation), cost = ends.state, float(ends.cost[0])
-    return (cost, (center[0], rotation[0])) if cost < np.inf and center[0, 2] > 0 else None
+    count = len(starts)
+    each = (np.broadcast_to(one, (count, *one.shape)) for one in (ray / size, across, world_m))
+    center, rotation = (np.stack(part) for part in zip(*starts, strict=True))
+    ends = minimise_each(make_ray_problem(*each), (center, rotation), MAX_ITERATIONS)
+    center, rotation = ends.state
+    cost = np.where(center[:, 2] > 0, ends.cost, np.inf)
+    best = int(np.argmin(cost))
+    return (float(cost[best]), (center[best], rotation[best])) if cost[best] < np.inf else None
 
 
 MIN_PICKS = 4
