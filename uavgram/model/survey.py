@@ -509,9 +509,12 @@ class Cause:
         Decrease of the weighted sum of squares, plus that of observations left out for it.
     settles
         Names of lengths and frames whose misfit it explains.
+    is_accounted
+        Whether the results take it into account: the prior that it contradicts was given up.
     """
 
     message: Message
     mend: SurveyCorrection | None
     gain: float
     settles: frozenset[str] = frozenset()
+    is_accounted: bool = False

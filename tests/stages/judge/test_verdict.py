@@ -21,7 +21,7 @@ from uavgram.model.observations import KnownLines, KnownWorldPoints, Measurement
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import MeasurementStatus, Noise, PickNoise, Verdict
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.survey import Survey
+from uavgram.model.survey import Cause, Survey
 from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, compute_fit
 from uavgram.stages.judge.statuses import is_moved
@@ -116,6 +116,17 @@ def test_what_was_mended_bends_nothing_any_more(clean: Judged) -> None:
     verdict, status = determine_verdict(found, Fit(), clean.examined, clean.table, mended)
     assert verdict.level == "amber"
     assert status == ("ok", "ok")
+
+
+@pytest.mark.parametrize(("is_accounted", "level"), [(True, "amber"), (False, "red")])
+def test_a_turned_mount_is_red_unless_the_results_take_it_into_account(
+    clean: Judged, level: str, *, is_accounted: bool
+) -> None:
+    found = of("gimbal-off"), of("mount-turned")
+    cause = Cause(message=found[0], mend=None, gain=99.0, is_accounted=is_accounted)
+    refined = replace(clean.examined.refined, causes=(cause,))
+    judged = clean._replace(examined=replace(clean.examined, refined=refined))
+    assert judged.verdict(*found)[0].level == level
 
 
 def test_lengths_that_were_left_out_bend_nothing(clean: Judged) -> None:

@@ -51,7 +51,9 @@ def determine_verdict(
     """
     codes = {m.code for m in messages}
     is_part = {m.code for m in messages if entry_of(m.code).part_of in codes}
-    still = [m for m in messages if m.code not in put_right and m.code not in is_part]
+    accounted = {one.message.code for one in examined.refined.causes if one.is_accounted}
+    gone = {*put_right} | {m.code for m in messages if entry_of(m.code).part_of in accounted}
+    still = [m for m in messages if m.code not in gone]
     bent = fit.core < CONTRADICTION_PROBABILITY or any(
         _effect(m) is Effect.RED and not _is_left_out(m, examined) for m in still
     )
