@@ -9,14 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
-from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis
+from uavgram.stages.refine.causes.hypothesis import CONTRADICTING, PRICE, Diagnosis
 from uavgram.stages.refine.causes.identification import (
     SURE_LOG_ODDS,
     IdentifiedCauses,
@@ -85,13 +83,12 @@ def adjust_at_stated_noise(
     survey, refined, unseen = free_unchecked_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
-    if common := _find_common_errors(taking, robust, found):
-        plain, found = common
+    # Errors common to all readings instead, where they explain more than these causes do.
+    common = _find_common_errors(taking, robust, found)
+    if common is not None:
+        found = common
         if _are_all_left_out(given, robust, found):
             found = found._replace(freed=(None,) * len(found.causes))
-        else:
-            survey, off_ground, left_out, unseen = given, [], [], ()
-            refined = replace(plain, pick_removed=removed)
     causes = found.causes
     if found.right:
         # A height that was found from a wrong pick is removed together with it.
@@ -105,30 +102,30 @@ def adjust_at_stated_noise(
         refined = replace(
             find_best_minima(find_participants(survey, refined)), pick_removed=removed
         )
-    # Free the priors that the causes prove wrong.
-    if options.noise == "estimate":
-        known_less, causes = _free_wrong_priors(survey, found)
-        again = _adjust_again(known_less, keep, reason) if known_less is not survey else None
+    # Free the priors that the causes prove wrong; without a result, the one so far remains.
+    if options.noise == "estimate" and any(found.freed):
+        known_less, accounted = _free_wrong_priors(given if common else survey, found)
+        # A trial of all readings with these priors is their ordinary adjustment.
+        is_whole = common is not None and all(one.mend is None for one in causes)
+        again = _adjust_again(known_less, keep, reason, found.refined if is_whole else None)
         if again is not None:
+            if common:  # what seemed to be gross errors may be none
+                off_ground, left_out, unseen = [], [], ()
+            causes = accounted
             left_out += again.messages(known_less)
             off_ground = sorted({*off_ground, *again.labels})
             survey, refined = again.survey, replace(again.refined, pick_removed=removed)
-        else:
-            causes = found.causes
     return StatedNoiseAdjustment(given, survey, refined, off_ground, causes, (*left_out, *unseen))
-
-
-NUMBERS_OF_A_READING = 3
-"""Largest number of observed numbers of a single reading: a pick, a control point or a pose."""
 
 
 def _find_common_errors(
     taking: Participants, robust: Robust, found: IdentifiedCauses
-) -> tuple[Refined, IdentifiedCauses] | None:
+) -> IdentifiedCauses | None:
     """Find errors common to all readings of a kind that explain more than gross errors do.
 
     Lengths in feet and a log that is wrong contradict each other alike; with another camera, most
-    lengths or photos contradict the rest. Readings that seem to be gross errors then are none.
+    lengths or photos contradict the rest. Readings that seem to be gross errors then are none. The
+    errors are looked for in the ordinary adjustment of all readings.
 
     Parameters
     ----------
@@ -139,40 +136,48 @@ def _find_common_errors(
 
     Returns
     -------
-    The ordinary adjustment of all observations with these causes; None if there are none.
+    The causes; None if there are none, or if gross errors are nearly as likely.
     """
-    refined = robust.refined
-    left_out = Diagnosis(find_participants(robust.survey, refined), refined).left_out
-    others = robust.count_changes()
-    # One wrong reading is enough where the rest fits. So is a cause, but another camera may explain
-    # what seem to be wrong tapes.
-    accuses = any(one.settles for one in found.causes)
-    fits = compute_core_fit(refined.adjustment).probability >= MISFIT_PROBABILITY
-    is_single = 0 < left_out + others <= NUMBERS_OF_A_READING and not refined.is_log_left_out
-    if is_single and fits:
-        return None
-    if left_out + others == 0 and found.fits and not accuses:
+    # A single mistake needs no other cause where the rest fits.
+    accusing = [one for one in found.causes if one.settles]
+    if found.fits and found.left_out + len(accusing) + robust.count_others() <= 1:
         return None
     plain = adjust_on_trial(taking, FULL)
     if plain is None:
         return None
-    common = identify_common_errors(Diagnosis(taking, plain))
-    # A common error is taken instead of gross errors, or of other causes, only at sure odds.
-    cost = found.cost + 2.0 * PRICE * others
-    if not common.causes or common.cost + 2.0 * SURE_LOG_ODDS > cost:
+    common = identify_common_errors(Diagnosis(find_participants(taking.survey, plain), plain))
+    if not common.causes:
         return None
-    return plain, common
+    # Compare the sums of squares, with the prices of the causes and of all that takes no part.
+    cost = found.cost + 2.0 * PRICE * (robust.count_numbers() + _count_lost(taking, robust.refined))
+    common_cost = common.cost + 2.0 * PRICE * _count_lost(taking, plain)
+    return common if common_cost + 2.0 * SURE_LOG_ODDS < cost else None
+
+
+def _count_lost(taking: Participants, refined: Refined) -> int:
+    """Count the coordinates of picks that the adjustment could not place."""
+    lost = [
+        k
+        for k, why in refined.pick_reason.items()
+        if taking.keep[k] and why.cause not in CONTRADICTING
+    ]
+    return 2 * len(lost)
 
 
 def _are_all_left_out(given: Survey, robust: Robust, found: IdentifiedCauses) -> bool:
-    """Return whether the robust adjustment left out all that is wrong, and nothing else."""
-    refined, settled = robust.refined, frozenset().union(*(one.settles for one in found.causes))
-    lines = np.flatnonzero(refined.line_removed) if given.line_name else ()
-    left_out = {given.line_name[k] for k in lines}
-    left_out |= {given.label[k] for k in given.control_label[robust.control]}
-    others = len(refined.pose_widened) + len(robust.labels) + len(robust.heights)
-    spoilt = Diagnosis(find_participants(robust.survey, refined), refined).spoilt
-    return bool(settled) and settled == left_out and not others and not spoilt.any()
+    """Return whether the robust adjustment left out all that the causes accuse, and nothing else.
+
+    The causes accuse lengths by name, or all control points.
+    """
+    refined, causes = robust.refined, found.causes
+    diagnosis = Diagnosis(find_participants(robust.survey, refined), refined)
+    names = given.line_name or ("",) * len(given.line_start)
+    lines = {names[k] for k in np.flatnonzero(refined.line_removed)}
+    control = {given.label[k] for k in given.control_label[robust.control]}
+    accused = {name for one in causes for name in one.settles}
+    shifted = {name for one in causes if not one.settles for name in one.message.labels}
+    count = diagnosis.count_readings() + robust.count_others()
+    return (accused, shifted) == (lines, control) and 0 < count == len(lines) + len(control)
 
 
 TURNED_FRAME = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
@@ -218,13 +223,14 @@ def _free_wrong_priors(survey: Survey, found: IdentifiedCauses) -> tuple[Survey,
     for k, freed in enumerate(found.freed):
         if freed is not None:
             known_less, message = freed(known_less), causes[k].message
-            causes[k] = replace(
-                causes[k], message=replace(message, text=f"{message.text} {TAKEN_INTO_ACCOUNT}")
-            )
+            message = replace(message, text=f"{message.text} {TAKEN_INTO_ACCOUNT}")
+            causes[k] = replace(causes[k], message=message, is_accounted=True)
     return known_less, tuple(causes)
 
 
-def _adjust_again(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Robust | None:
+def _adjust_again(
+    survey: Survey, keep: Bools, reason: dict[int, LeftOut], plain: Refined | None
+) -> Robust | None:
     """Adjust robustly once more; None where that has no result.
 
     Parameters
@@ -233,10 +239,12 @@ def _adjust_again(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Ro
         The survey with less prior knowledge.
     keep, reason
         (P,) picks that may take part, and the reasons why others do not.
+    plain
+        Its ordinary adjustment, where it is known.
     """
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     try:
-        after = adjust_robustly(Participants(survey, keep, none, reason))
+        after = adjust_robustly(Participants(survey, keep, none, reason), plain)
     except GeometryError:
         return None
     return after if after.refined.adjustment.minimum.converged else None

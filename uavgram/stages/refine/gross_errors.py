@@ -43,6 +43,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey import Ground, Survey
+from uavgram.stages.refine.first_values import find_first_values
 from uavgram.stages.refine.left_out import (
     report_control_left_out,
     report_heights_left_out,
@@ -161,9 +162,15 @@ class Robust:
     heights: tuple[str, ...] = ()
     contradicting: tuple[str, ...] = ()
 
-    def count_changes(self) -> int:
-        """Count the numbers of control and heights that are gross errors."""
-        return 2 * len(self.control) + len(self.labels) + len(self.heights)
+    def count_others(self) -> int:
+        """Count the gross errors that are no picks, lengths or poses of the log."""
+        heights = len(self.labels) + len(self.heights)
+        known = len(self.refined.known_removed)
+        return heights + known + len(self.control) + len(self.contradicting)
+
+    def count_numbers(self) -> int:
+        """Count their numbers: two each of a control point, or of a contradicting pick."""
+        return self.count_others() + len(self.control) + len(self.contradicting)
 
     def messages(self, survey: Survey) -> Iterator[Message]:
         """Report what was left out of control and heights, and picks that contradict."""
@@ -750,7 +757,8 @@ def _from_reduced(
         Sum of squares of the part beyond which it is skipped; few iterations show whether it is.
     """
     try:
-        first = find_best_minima(reduced, QUICK_TRIAL if most < np.inf else FULL)
+        iterations = QUICK_TRIAL if most < np.inf else FULL
+        first = find_minima_from(reduced, find_first_values, iterations)
     except GeometryError:
         return
     if first.adjustment.minimum.cost > most:

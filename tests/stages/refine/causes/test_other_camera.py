@@ -15,9 +15,11 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
+from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.other_camera import MIN_DIFFERENCE, propose_other_zoom
-from uavgram.stages.refine.gross_errors import MISPLACED
+from uavgram.stages.refine.first_values import find_picks_in_lens
+from uavgram.stages.refine.gross_errors import MISPLACED, adjust_robustly
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
 OPTIONS: dict[str, Any] = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
@@ -192,6 +194,42 @@ def test_the_distortion_of_another_lens_is_named_and_distances_are_right(distort
     assert "the distortion of another lens" in message.text
     assert not refined.line_removed.any()
     check_distance(scene, refined)
+
+
+def test_at_the_stated_noise_another_lens_is_named_but_bends_no_result() -> None:
+    """No prior is given up there, so the result is that without the gross errors."""
+    scene = make_scene(3, frames=4, labels=14, lines=6, telemetry=False, gauge="plane")
+    smaller = replace(scene.survey, pixel_px=0.7 * scene.survey.pixel_px)
+    used = find_picks_in_lens(smaller)[0]
+    robust = adjust_robustly(Participants(smaller, used, np.zeros(6, dtype=np.bool_), {}))
+    none = np.zeros(len(used), dtype=np.bool_)
+    found = adjust_at_stated_noise(smaller, none, SolveOptions(noise="stated"))
+    assert [one.message.code for one in found.causes] == ["camera-contradicted"]
+    assert not found.causes[0].is_accounted
+    cost = found.refined.adjustment.minimum.cost
+    assert cost == pytest.approx(robust.refined.adjustment.minimum.cost)
+
+
+def test_picks_that_nothing_places_support_no_camera() -> None:
+    """The two picks of the last photo take no part, whatever else is wrong."""
+    scene = make_scene(6, frames=5, labels=16, lines=8, telemetry=False, gauge="plane")
+    survey = scene.survey
+    keep = np.ones(len(survey.pick_frame), dtype=np.bool_)
+    keep[np.flatnonzero(survey.pick_frame == 4)[2:]] = False
+    length = survey.length_m.copy()
+    length[[1, 4]] *= 0.9144
+    wrong = replace(
+        survey,
+        length_m=length,
+        pick_frame=survey.pick_frame[keep],
+        pick_label=survey.pick_label[keep],
+        pixel_px=survey.pixel_px[keep],
+        pick_sigma_px=survey.pick_sigma_px[keep],
+    )
+    _, messages = refine(wrong, SolveOptions())
+    codes = [one.code for one in messages]
+    assert "frame-left-out" in codes
+    assert not {"camera-contradicted", "other-zoom"} & set(codes)
 
 
 def check_distance(scene: Scene, refined: Refined) -> None:

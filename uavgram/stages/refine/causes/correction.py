@@ -22,7 +22,13 @@ from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
-from uavgram.stages.refine.minima import FULL, TRIAL_ITERATIONS, Participants, adjust_on_trial
+from uavgram.stages.refine.minima import (
+    FULL,
+    QUICK_TRIAL,
+    TRIAL_ITERATIONS,
+    Participants,
+    adjust_on_trial,
+)
 from uavgram.stages.refine.readjustment import convert_state
 from uavgram.stages.refine.staged_sigmas import iterate
 
@@ -112,7 +118,7 @@ def readjust_corrected(
 
     It begins from first values instead where the present state is of no use: it did not converge or
     is distorted by misfits, the hypothesis changes everything, poses of the log take part again, or
-    ties have other points.
+    ties have other points. A hypothesis that begins at a state of its own does not need them.
 
     Parameters
     ----------
@@ -126,22 +132,17 @@ def readjust_corrected(
     present = diagnosis.adjustment
     survey = remove_known(widen_poses(taking.survey, taking.pose_widened), taking.known_removed)
     selection = select_picks(survey, taking.keep)
-    # Without a log that is wrong as a whole, the present state is better than first values by it.
-    is_wrong_log = diagnosis.refined.is_log_left_out and hypothesis.freed is not None
-    if hypothesis.is_of_all and not is_wrong_log:
+    if hypothesis.is_of_all:
         return adjust_on_trial(taking, FULL)
-    is_bent = (
-        compute_core_fit(present).probability < MIN_FIT_PROBABILITY and hypothesis.begun is None
-    )
+    is_bent = compute_core_fit(present).probability < MIN_FIT_PROBABILITY
     # A photo whose pose by the log takes part again may be far from it.
-    is_far = (
-        taking.pose_widened.keys() != diagnosis.refined.pose_widened.keys() and not is_wrong_log
-    )
-    if is_bent or is_far or not present.minimum.converged or _has_ties(selection):
-        return adjust_on_trial(taking)
+    is_far = taking.pose_widened.keys() != diagnosis.refined.pose_widened.keys()
+    is_unsuitable = (is_bent or is_far) and hypothesis.begun is None
+    if is_unsuitable or not present.minimum.converged or _has_ties(selection):
+        return adjust_on_trial(taking, QUICK_TRIAL)
     start = _initial_state(diagnosis, selection)
     if start is None:
-        return adjust_on_trial(taking)
+        return adjust_on_trial(taking, QUICK_TRIAL)
     if hypothesis.begun is not None:
         start = hypothesis.begun(start)
     used = ~taking.line_removed[selection.line_index]

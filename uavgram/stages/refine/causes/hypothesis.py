@@ -84,6 +84,18 @@ class Diagnosis(NamedTuple):
         poses = POSE_SIZE * len(self.refined.pose_widened)
         return int(2 * self.spoilt.sum() + self.refined.line_removed.sum()) + poses
 
+    def count_readings(self) -> int:
+        """Count what was left out because it contradicts the rest: a photo with its pose once."""
+        refined, frame = self.refined, self.survey.pick_frame
+        gross = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
+        misplaced = {
+            self.survey.frame_id[frame[k]]
+            for k, why in refined.pick_reason.items()
+            if why.cause is LeftOutCause.MISPLACED_FRAME
+        }
+        photos = misplaced | refined.pose_widened.keys()
+        return len(gross) + int(refined.line_removed.sum()) + len(photos)
+
     def list_poses_left_out(self, picks: Collection[int]) -> frozenset[str]:
         """List photos of some picks whose poses by the log were left out."""
         survey = self.survey
@@ -114,7 +126,7 @@ class Hypothesis:
         Whether the whole survey changes with it: it is adjusted from first values.
     begun
         Function from the present state to the initial state of its adjustment; None: the present
-        state.
+        state, or first values where that is unsuitable.
     freed
         Function that returns the survey with less prior knowledge, for all later adjustments; it
         changes no reading. Without `mend` and `freed`, only the linear test judges the hypothesis.

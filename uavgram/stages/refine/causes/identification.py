@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.message import Message
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.common_length_errors import (
@@ -33,7 +34,11 @@ from uavgram.stages.refine.causes.flight_log import (
 )
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.length_ends import find_label_exchange_instead, propose_other_ends
-from uavgram.stages.refine.causes.length_readings import propose_slips, propose_wrong_lengths
+from uavgram.stages.refine.causes.length_readings import (
+    propose_other_units,
+    propose_slips,
+    propose_wrong_lengths,
+)
 from uavgram.stages.refine.causes.mirrored_photos import propose_all_mirrored
 from uavgram.stages.refine.causes.other_camera import (
     propose_other_camera_file,
@@ -83,6 +88,7 @@ HYPOTHESES: tuple[Proposal, ...] = (
     propose_wrong_lengths,
     propose_swapped_in_photo,
     propose_swapped_by_two_views,
+    propose_other_units,
     propose_slips,
     propose_other_ends,
     propose_common_errors,
@@ -105,7 +111,7 @@ HYPOTHESES: tuple[Proposal, ...] = (
 """Functions that propose hypotheses, by kind, for a survey that does not fit."""
 
 COMMON_ERRORS: tuple[Proposal, ...] = (
-    propose_slips,
+    propose_other_units,
     propose_common_errors,
     propose_taped_level,
     propose_all_mirrored,
@@ -138,6 +144,10 @@ class IdentifiedCauses(NamedTuple):
         Cost of the corrected survey, with the prices of the causes.
     fits
         Whether the corrected survey fits.
+    left_out
+        Number of its readings that were left out because they contradict the rest.
+    refined
+        Its adjustment; None where a cause has a rival.
     """
 
     causes: tuple[Cause, ...]
@@ -146,10 +156,12 @@ class IdentifiedCauses(NamedTuple):
     right: frozenset[int] = frozenset()
     cost: float = np.inf
     fits: bool = False
+    left_out: int = 0
+    refined: Refined | None = None
 
 
 def identify_common_errors(diagnosis: Diagnosis) -> IdentifiedCauses:
-    """Identify an error common to all readings of a kind, or to all photos; two are improbable.
+    """Identify at most two errors, each common to all readings of a kind, or to all photos.
 
     Parameters
     ----------
@@ -181,18 +193,18 @@ def _identify_in_turn(
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     wrong, right = frozenset[int](), frozenset[int]()
-    stated, price = diagnosis, 0.0
+    stated, price, is_rivalled = diagnosis, 0.0, False
     for _ in range(most):
         is_asked = needs_cause(diagnosis) or _are_taped_level(diagnosis)
         found = _find_likeliest(diagnosis, hypotheses) if is_asked else None
         if found is None:
             break
         best, rival = found
-        price += 2.0 * best.hypothesis.price
+        is_rivalled |= rival is not None
+        price += 2.0 * best.hypothesis.price - (0.0 if best.after else best.gain)
         if best.hypothesis.message is not None:
             causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
-            # With two causes that explain as much, the result uses neither.
-            freed.append(best.hypothesis.freed if rival is None else None)
+            freed.append(_freed_by(best, rival))
         if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
             wrong |= best.hypothesis.mend.picks
             right |= best.hypothesis.back
@@ -200,8 +212,30 @@ def _identify_in_turn(
             break
         diagnosis = best.after
     cost = diagnosis.cost + price
-    fits = not has_misfit(diagnosis)
-    return IdentifiedCauses(tuple(causes), tuple(freed), wrong, right, cost=cost, fits=fits)
+    return IdentifiedCauses(
+        tuple(causes),
+        tuple(freed),
+        wrong,
+        right,
+        cost=cost,
+        fits=not has_misfit(diagnosis),
+        left_out=diagnosis.count_readings(),
+        refined=None if is_rivalled else diagnosis.refined,
+    )
+
+
+def _freed_by(
+    best: JudgedHypothesis, rival: JudgedHypothesis | None
+) -> Callable[[Survey], Survey] | None:
+    """Return the function that removes the prior knowledge which a cause or its rival proves wrong.
+
+    Where the rival is no error of prior knowledge, nothing shows that any is wrong.
+    """
+    one = best.hypothesis.freed
+    if one is None or rival is None:
+        return one
+    other = rival.hypothesis.freed
+    return None if other is None else lambda survey: other(one(survey))
 
 
 def _are_taped_level(diagnosis: Diagnosis) -> bool:

@@ -74,11 +74,15 @@ def propose_wrong_lengths(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         )
 
 
-def propose_slips(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose slips: lengths in another unit, with a wrong digit, or with exchanged readings."""
-    found = find_suspect_lengths(diagnosis)
-    yield from _propose_units(found)
+def propose_other_units(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that lengths are in another unit: single ones, those that do not fit, or all."""
+    yield from _propose_units(find_suspect_lengths(diagnosis))
     yield from _propose_unit_of_all(diagnosis)
+
+
+def propose_slips(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose slips: lengths with a wrong digit, or with exchanged readings."""
+    found = find_suspect_lengths(diagnosis)
     yield from _propose_digits(found)
     yield from _exchanged(found)
 

@@ -14,7 +14,7 @@ from uavgram.estimation.reliability.hypotheses import (
     ObservationChange,
     compare_hypotheses,
 )
-from uavgram.estimation.reliability.redundancy import compute_core_fit
+from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
@@ -218,7 +218,8 @@ def _propose_camera(
     adjustment = diagnosis.adjustment
     if not adjustment.problem.layout.intrinsics or not unknowns.any(axis=0).all():
         return  # an exact camera, or a lens model without distortion
-    excess = adjustment.minimum.cost - compute_core_fit(adjustment).degrees
+    redundancy = sum(compute_redundancy(adjustment, name) for name in adjustment.minimum.blocks)
+    excess = adjustment.minimum.cost - redundancy
     yield Hypothesis(
         message=partial(describe, adjustment.survey),
         moved=(calibration_derivative(adjustment, unknowns),),
@@ -294,7 +295,7 @@ def other_zoom_message(survey: Survey, found: HypothesisTest | None) -> Message:
     survey
         Survey with the camera as stated.
     found
-        Difference of its focal length, in units of `ANY_ZOOM`.
+        Difference of its focal length, in units of `ZOOM_SIGMA`.
     """
     assert found is not None  # noqa: S101  (it is judged by its linear test)
     stated = float(survey.calibration.parameters[0])
@@ -350,6 +351,7 @@ def _other_lens_message(survey: Survey, _: HypothesisTest | None) -> Message:
 
 
 def _other_camera_message(survey: Survey, found: HypothesisTest | None) -> Message:
+    """Report another focal length and principal point."""
     assert found is not None  # noqa: S101
     camera = survey.calibration
     sigma = np.sqrt(found.covariance.diagonal())

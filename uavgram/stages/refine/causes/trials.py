@@ -161,12 +161,11 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
     refined = readjust_corrected(diagnosis, taking, hypothesis)
     # An unknown that is far from its prior, and explains the misfit, needs more iterations.
-    before = diagnosis.adjustment.minimum.cost
     if (
         refined is not None
-        and hypothesis.settled is not None
+        and hypothesis.freed is not None
         and not refined.adjustment.minimum.converged
-        and refined.adjustment.minimum.cost < ENOUGH * before
+        and Diagnosis(taking, refined).cost < ENOUGH * diagnosis.cost
     ):
         refined = adjust_on_trial(taking, FULL) or refined
     # A freed unknown may end along a valley: its gain is at least that of its present state.
