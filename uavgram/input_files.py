@@ -29,6 +29,13 @@ class UnreadFormat(NamedTuple):
     way_out: str
 
 
+class UnusableFile(NamedTuple):
+    """File whose name is that of a usable one, and the reason why it cannot be used."""
+
+    path: Path
+    reason: str
+
+
 _POSES = "a CSV table (image, latitude_deg, longitude_deg, height_m), and name that in `poses`"
 _RAW_TAG = rb"\x12\xc6\x01\x00\x04\x00\x00\x00|\xc6\x12\x00\x01\x00\x00\x00\x04"  # DNGVersion
 _FORMATS = (

@@ -193,3 +193,47 @@ def test_what_was_set_outlives_a_reload_and_another_tab_closes_nothing_unasked(
         return Path(load_project(home / "flight", unfinished=True).log or "").name
 
     eventually(page, lambda: named() == log)
+
+
+def test_damaged_files_are_named_and_the_rest_can_be_used(home: Path, page: Page) -> None:
+    photos = home / "flight" / "photos"
+    whole = {name: (photos / name).read_bytes() for name in ("P1.jpg", "P2.jpg")}
+    for name in ("P3.jpg", "P4.jpg"):
+        (photos / name).write_bytes(whole["P1.jpg"])
+    (photos / "P3.jpg").write_bytes(whole["P1.jpg"][:-200])
+    (home / "flight" / "00000012.BIN").touch()
+    (home / "only damaged").mkdir()
+    (home / "only damaged" / "a.jpg").write_text("no photo", encoding="utf-8")
+    page.reload()
+
+    page.get_by_role("button", name="Use only damaged").click()
+    expect(page.get_by_role("alert").last).to_contain_text("There are no photos")
+    expect(page.get_by_role("alert").last).to_contain_text("a.jpg is left out, as it is no photo")
+    page.get_by_role("button", name="Another folder").click()
+
+    page.get_by_role("button", name="Use flight").click()
+    named = page.get_by_role("group", name="Cannot be used")
+    expect(named).to_contain_text("The flight log 00000012.BIN is not used, as it is empty")
+    expect(named).to_contain_text("Without a flight log, the photos are placed by")
+    expect(named).to_contain_text("P3.jpg is left out, as it is cut off")
+    expect(named).not_to_contain_text("P4.jpg")
+
+    (photos / "P4.jpg").write_bytes(whole["P1.jpg"][:-200])  # after it was listed
+    page.get_by_role("radio", name="Straight down").check()
+    page.get_by_role("button", name="No lengths").click()
+    expect(page.locator("#first")).to_contain_text("2 photos are left out")
+    expect(page.locator("#first")).to_contain_text("P4.jpg")
+    expect(page.locator("#strip button")).to_have_count(2)
+    page.get_by_role("button", name="Open another folder").click()
+
+    (home / "flight" / "picks.csv").write_text(
+        "image,label,u_px,v_px\nP1.jpg,A,100,100\nP2.jpg,A,110,100\n", encoding="utf-8"
+    )
+    (photos / "P2.jpg").write_bytes(whole["P2.jpg"][:-200])
+    page.get_by_role("button", name="Open flight").first.click()
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
+    expect(page.locator("#strip button")).to_have_count(1)
+    page.get_by_role("tab", name="Photos").click()
+    shown = page.get_by_role("tabpanel", name="Photos")
+    expect(shown).to_contain_text("P2.jpg is damaged, so its picks (A) take no part")
+    expect(shown).to_contain_text("3 photos are left out")

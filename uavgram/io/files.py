@@ -159,8 +159,8 @@ MAX_ENTRIES = 200_000
 def find_matching_files(pattern: str, way_out: str) -> list[Path]:
     """Find the files of an absolute pattern, in the order of their paths.
 
-    Folders that match a wildcard are skipped; any other match that is not a regular file is an
-    error, as it was probably intended.
+    Folders that match a wildcard are skipped. Broken links, pipes and devices are among the files
+    if there are other ones: the reader of the files names them.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def find_matching_files(pattern: str, way_out: str) -> list[Path]:
     Raises
     ------
     InputError
-        Nothing matches, a match is not a regular file, or too many match to be intended.
+        Nothing matches, no match is a regular file, or too many match to be intended.
     """
     start, recursive, _ = pattern.partition("**")
     if recursive:
@@ -185,8 +185,8 @@ def find_matching_files(pattern: str, way_out: str) -> list[Path]:
         raise InputError(pattern, f"names more than {MAX_ENTRIES:,} files: {_NARROWER}")
     kinds = {name: no_file(name) for name in names}
     odd = [name for name, kind in kinds.items() if kind and not Path(name).is_dir()]
-    files = [Path(name) for name, kind in kinds.items() if not kind]
-    if odd or (names and not files):
+    files = [Path(name) for name in names if name in odd or not kinds[name]]
+    if names and len(files) == len(odd):
         name = odd[0] if odd else names[0]
         raise InputError(
             escape_unshowable(name), f"is {kinds[name]}: take it out of {pattern!r}, or replace it"

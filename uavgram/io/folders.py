@@ -10,22 +10,26 @@ import os
 import re
 import string
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Literal
 
-from uavgram.errors import InputError
-from uavgram.input_files import unread_format
+from uavgram.errors import InputError, no_file
+from uavgram.input_files import UnusableFile, read_text, unread_format
 from uavgram.io.cameras import is_colmap_cameras, is_odm_cameras, is_opencv_calibration
 from uavgram.io.files import PHOTO_SUFFIXES, limit_entries
-from uavgram.io.logs.flight_log import is_flight_log
-from uavgram.io.photos.metadata import read_image_size
+from uavgram.io.logs.flight_log import LOG_SUFFIXES, find_log_fault
+from uavgram.io.photos.metadata import read_image_size, read_image_sizes
 from uavgram.io.results.command_json import is_plan
 
 MAX_DEPTH = 3
 """Levels of folders below the project's own that are searched."""
+
+MAX_LOG_BYTES = 50_000_000
+"""Logs up to this size are read to see whether they can be used: half a second at most."""
 
 MAX_SEARCHED_FOLDERS = 400
 """Limit of searched folders, so that a home folder does not take minutes."""
@@ -137,7 +141,17 @@ class PhotoGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class FolderContents:
-    """Usable files of a folder, each kind in the order of paths; `others` are all the rest."""
+    """Files of a folder, each kind in the order of paths.
+
+    Attributes
+    ----------
+    photos, logs, cameras, poses, gcp_lists, tables
+        Usable files.
+    unusable_photos, unusable_logs, unusable_texts
+        Files with the names of such that are empty, damaged or something else.
+    others
+        All the rest.
+    """
 
     photos: tuple[PhotoGroup, ...]
     logs: tuple[Path, ...]
@@ -145,6 +159,9 @@ class FolderContents:
     poses: tuple[Path, ...]
     gcp_lists: tuple[Path, ...]
     tables: Mapping[TableRole, tuple[Path, ...]]
+    unusable_photos: tuple[UnusableFile, ...]
+    unusable_logs: tuple[UnusableFile, ...]
+    unusable_texts: tuple[UnusableFile, ...]
     others: tuple[Path, ...]
 
 
@@ -158,29 +175,60 @@ def search_folder(folder: Path) -> FolderContents:
     InputError
         It cannot be read, or is not a folder.
     """
-    files = tuple(path for path in limit_entries(_files(folder), folder) if path.is_file())
-    tables: dict[TableRole, tuple[Path, ...]] = {}
-    for path in files:
-        role = _role(path)
-        if role is not None:
-            tables[role] = (*tables.get(role, ()), path)
+    found = tuple(limit_entries(_files(folder), folder))
+    files = tuple(path for path in found if not no_file(path))
+    roles = {path: role for path in files if (role := _role(path)) is not None}
     marks = tuple(p for p in files if p.suffix.lower() == ".mrk" or p.name.lower() == "geo.txt")
-    photos = group_photos(path for path in files if path.suffix.lower() in PHOTO_SUFFIXES)
-    logs = tuple(path for path in files if is_flight_log(path))
-    cameras = tuple(path for path in files if _is_camera(path))
     texts = (path for path in files if path.suffix.lower() == ".txt")
     gcp = tuple(p for p in texts if "gcp" in p.stem.lower() and unread_format(p) is None)
+    no_texts = _find_unusable((*roles, *marks, *gcp), _find_text_fault)
+    bad = {path for path, _ in no_texts}
+    tables: dict[TableRole, tuple[Path, ...]] = {}
+    for path, role in roles.items():
+        if path not in bad:
+            tables[role] = (*tables.get(role, ()), path)
+    photos, no_photos = group_photos(p for p in found if _is_of(PHOTO_SUFFIXES, p))
+    named_logs = tuple(path for path in found if _is_of(LOG_SUFFIXES, path))
+    are_small = sum(path.stat().st_size for path in named_logs if path.exists()) <= MAX_LOG_BYTES
+    no_logs = _find_unusable(named_logs, partial(find_log_fault, whole=are_small))
+    logs = tuple(path for path in named_logs if path not in {one.path for one in no_logs})
+    cameras = tuple(path for path in files if _is_camera(path))
+    unusable = *no_texts, *no_photos, *no_logs
     groups = (*(group.files for group in photos), *tables.values())
     known = {*logs, *cameras, *marks, *gcp, *(path for group in groups for path in group)}
+    known |= {path for path, _ in unusable}
     return FolderContents(
         photos=photos,
         logs=logs,
         cameras=cameras,
-        poses=(*marks, *tables.get("poses", ())),
-        gcp_lists=gcp,
+        poses=tuple(p for p in (*marks, *tables.get("poses", ())) if p not in bad),
+        gcp_lists=tuple(path for path in gcp if path not in bad),
         tables=tables,
-        others=tuple(path for path in files if path not in known),
+        unusable_photos=no_photos,
+        unusable_logs=no_logs,
+        unusable_texts=no_texts,
+        others=tuple(path for path in found if path not in known),
     )
+
+
+def _is_of(suffixes: tuple[str, ...], path: Path) -> bool:
+    """Return whether a name is that of a photo or log, and the format is not a known other one."""
+    return path.suffix.lower() in suffixes and unread_format(path) is None
+
+
+def _find_unusable(
+    paths: Iterable[Path], find_fault: Callable[[Path], str]
+) -> tuple[UnusableFile, ...]:
+    return tuple(UnusableFile(path, fault) for path in paths if (fault := find_fault(path)))
+
+
+def _find_text_fault(path: Path) -> str:
+    """Return why a text cannot be read; empty if it can."""
+    try:
+        read_text(path, "save it as UTF-8")
+    except InputError as why:
+        return why.message
+    return ""
 
 
 def _role(path: Path) -> TableRole | None:
@@ -190,19 +238,19 @@ def _role(path: Path) -> TableRole | None:
     return "plan" if path.suffix.lower() == ".json" and is_plan(path) else None
 
 
-def group_photos(photos: Iterable[Path]) -> tuple[PhotoGroup, ...]:
-    """Group photos by folder, suffix and size; files that are not photos are left out."""
+def group_photos(
+    photos: Iterable[Path],
+) -> tuple[tuple[PhotoGroup, ...], tuple[UnusableFile, ...]]:
+    """Group photos by folder, suffix and size; list the files that cannot be used."""
+    sizes, unusable = read_image_sizes(photos)
     groups: dict[tuple[Path, str, tuple[int, int]], list[Path]] = {}
-    for path in photos:
-        try:
-            size = read_image_size(path)
-        except InputError:
-            continue
+    for path, size in sizes.items():
         groups.setdefault((path.parent, path.suffix, size), []).append(path)
-    return tuple(
+    grouped = tuple(
         PhotoGroup(folder=folder, suffix=suffix, size_px=size, files=tuple(files))
         for (folder, suffix, size), files in groups.items()
     )
+    return grouped, unusable
 
 
 def _files(folder: Path) -> Iterable[Path]:

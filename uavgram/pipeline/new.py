@@ -26,7 +26,7 @@ from uavgram.io.photos.catalogue import (
     find_photos,
     name_format,
     read_photos,
-    separate_unread,
+    report_unusable_photos,
 )
 from uavgram.io.photos.metadata import read_image_size
 from uavgram.io.photos.pose_sources import FROM_PHOTOS
@@ -79,6 +79,12 @@ class Choices:
     poses: Path | None = None
 
 
+WITHOUT_LOG = (
+    "Without a flight log, the photos are placed by their own positions, if they have some, or "
+    "else by taped lengths alone."
+)
+
+
 @dataclass
 class Notes:
     """Findings and messages of the search through a folder."""
@@ -112,16 +118,19 @@ def choose_photos(
             for pattern in choices.images
             for path in find_matching_files(make_absolute(folder, pattern), "correct --images")
         }
-        groups = group_photos(sorted(named))
+        groups, _ = group_photos(sorted(named))
         if not groups:
             read_image_size(min(named))  # raises the reason
             wanted = ", ".join(choices.images)
             raise InputError(folder, f"no photo is named {wanted}: correct --images")
     if not groups:
+        unusable = order_messages(*report_unusable_photos(holdings.unusable_photos))
+        what = "photo that can be used" if unusable else "photo"
+        texts = *(one.text for one in unusable), describe_files(holdings.others)
         raise InputError(
             folder,
-            "holds no photo (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
-            f"flight, or copy the photos there. {describe_files(holdings.others)}".rstrip(),
+            f"holds no {what} (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
+            f"flight, or copy the photos there. {' '.join(texts)}".rstrip(),
         )
     if len({group.size_px for group in groups}) > 1:
         raise InputError(folder, _sizes(folder, groups))
@@ -181,11 +190,11 @@ def pattern_of(folder: Path, group: PhotoGroup) -> str:
 def _name_photos(
     folder: Path, groups: Sequence[PhotoGroup], patterns: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the patterns of photos; or their names, if the patterns match damaged photos, too."""
+    """Return the patterns of photos; or their names, if the patterns match others, too."""
     wanted = {path for group in groups for path in group.files}
     absolute = tuple(make_absolute(folder, pattern) for pattern in patterns)
-    photos, _ = separate_unread(find_photos(absolute), absolute)
-    if set(photos) == wanted:
+    matching, _ = group_photos(find_photos(absolute))
+    if wanted == {path for group in matching for path in group.files}:
         return tuple(patterns)
     return tuple(glob.escape(_relative(folder, path)) for path in sorted(wanted))
 
@@ -230,6 +239,40 @@ def choose_only(
 
 def _relative(folder: Path, path: Path) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def report_unusable(folder: Path, holdings: FolderContents) -> tuple[Message, ...]:
+    """Report the files that look like photos, logs or tables and cannot be used.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    holdings
+        Its content.
+    """
+    tables = tuple(
+        Message(
+            "warning",
+            "table-unusable",
+            f"The table {name} is not used, as it {reason}.",
+            files=(name,),
+        )
+        for path, reason in holdings.unusable_texts
+        for name in (_relative(folder, path),)
+    )
+    instead = "" if holdings.logs else f" {WITHOUT_LOG}"
+    logs = tuple(
+        Message(
+            "warning",
+            "log-unusable",
+            f"The flight log {name} is not used, as it {reason}.{instead}",
+            files=(name,),
+        )
+        for path, reason in holdings.unusable_logs
+        for name in (_relative(folder, path),)
+    )
+    return (*logs, *report_unusable_photos(holdings.unusable_photos), *tables)
 
 
 def choose_camera(
@@ -319,7 +362,7 @@ def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[
     notes
         Findings and messages; the choice is added.
     """
-    names: dict[str, str] = {role: f"{role}.csv" for role in PICKED}
+    names: dict[str, str] = {role: _free_name(folder, role, holdings) for role in PICKED}
     for role in _TABLES:
         candidates = holdings.tables.get(role, ())
         is_plan = role == "plan"
@@ -338,9 +381,9 @@ def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[
             names[role] = _relative(folder, candidates[0])
             notes.found.append(f"{role}: {names[role]}")
     if holdings.gcp_lists and "control" not in names:
-        names["control"] = "control.csv"
+        names["control"] = _free_name(folder, "control", holdings)
         file = holdings.gcp_lists[0]
-        tables = f"--output={folder / names['picks']}", f"--control={folder / 'control.csv'}"
+        tables = f"--output={folder / names['picks']}", f"--control={folder / names['control']}"
         command = shlex.join(["uavgram", "picks", "import", str(file), *tables])
         text = (
             f"{_relative(folder, file)} holds picks of points with known coordinates. To use them: "
@@ -349,6 +392,15 @@ def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[
         )
         notes.messages.append(Message("info", "gcp-list-found", text, files=(file.name,)))
     return names
+
+
+def _free_name(folder: Path, role: str, holdings: FolderContents) -> str:
+    """Return a name for a table to be made that no unusable file and no broken link has."""
+    unusable = {path for path, _ in holdings.unusable_texts}
+    names = (f"{role}.csv", *(f"{role}-{k}.csv" for k in range(2, 100)))
+    paths = (folder / name for name in names)
+    free = (p for p in paths if p not in unusable and (p.exists() or not p.is_symlink()))
+    return next(free).name
 
 
 Attempt = tuple[ProjectText, Message | None]
@@ -433,6 +485,7 @@ def _describe_project(folder: Path, choices: Choices, notes: Notes) -> tuple[Pro
     for what, name in (("flight log", log), ("poses", poses)):
         if name is not None:
             notes.found.append(f"{what}: {name}")
+    notes.messages += report_unusable(folder, holdings)
     if others := describe_files(holdings.others):
         notes.messages.append(Message("info", PASSED_OVER, others))
     text = ProjectText(

@@ -18,7 +18,7 @@ from uavgram.config.project import load_project
 from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
 from uavgram.input_files import describe_files
-from uavgram.io.folders import FolderContents, PhotoGroup, search_folder
+from uavgram.io.folders import MAX_LOG_BYTES, FolderContents, PhotoGroup, search_folder
 from uavgram.io.imports import GcpSigmas
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.outputs import replace_text
@@ -36,10 +36,10 @@ from uavgram.pipeline.new import (
     make_absolute,
     new_project,
     own_pattern,
+    report_unusable,
 )
+from uavgram.stages.messages import order_messages
 
-MAX_LOG_BYTES = 50_000_000
-"""A log that is read to see whether it has a gimbal: half a second at most."""
 MAX_NAMES = 30
 """Largest number of files of a kind that are offered to a person."""
 
@@ -111,8 +111,10 @@ class FolderSummary:
         Whether it holds a project already.
     photos, cameras, logs, poses, gcp_lists, tables
         Usable files.
+    unusable
+        Messages on files with the names of photos, logs or tables that cannot be used.
     passed_over
-        Description of unusable files; empty without any.
+        Description of files of other kinds; empty without any.
     setup
         Setup by the project, or the defaults.
     camera, log
@@ -131,6 +133,7 @@ class FolderSummary:
     poses: tuple[str, ...]
     gcp_lists: tuple[str, ...]
     tables: tuple[str, ...]
+    unusable: tuple[str, ...]
     passed_over: str
     setup: Setup
     camera: str | None
@@ -188,6 +191,7 @@ def inspect_folder(folder: Path) -> FolderSummary:
         poses=_names(folder, holdings.poses),
         gcp_lists=_names(folder, holdings.gcp_lists),
         tables=_names(folder, tuple(sorted(tables))),
+        unusable=tuple(one.text for one in order_messages(*report_unusable(folder, holdings))),
         passed_over=describe_files(others),
         setup=Setup() if project is None else read_setup(project),
         camera=None if project is None else _camera_of(folder, project),

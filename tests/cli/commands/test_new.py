@@ -23,6 +23,8 @@ from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.io.results.command_json import write_plan
 from uavgram.model.options import GeodeticOrigin
 
+FLIGHT = (Path(__file__).parents[3] / "logs" / "twin_short.tlog").read_bytes()
+
 
 def linked(source: Path, target: Path, *patterns: str) -> Path:
     """A folder with links to some files of another one, in folders of the same names."""
@@ -229,8 +231,8 @@ def test_a_project_that_is_there_is_never_written_over(
     ("files", "words", "way"),
     [
         (
-            {"a.ulg": b"ULog\x01\x12\x35", "b.ulg": b"ULog\x01\x12\x35"},
-            "flight log: a.ulg, b.ulg",
+            dict.fromkeys(("a.tlog", "b.tlog"), FLIGHT),
+            "flight log: a.tlog, b.tlog",
             "--log",
         ),
         ({"other.yaml": CAMERA.encode()}, "the camera: camera.yaml, other.yaml", "--camera"),
@@ -283,10 +285,70 @@ def test_a_damaged_photo_among_others_is_passed_over(
     whole = sorted((folder / "photos").glob("*.jpg"))
     (folder / "photos" / "P0.jpg").touch()
     (folder / "photos" / "Q[1].jpg").write_bytes(whole[0].read_bytes()[:300])
+    (folder / "photos" / "R.jpg").symlink_to(tmp_path / "gone.jpg")
     assert main(["new", str(folder), *images]) == 0
-    assert "2 x *.jpg" in capsys.readouterr().out
-    named = load_project(folder / "project.yaml").images
-    assert sorted(Path(name).name for name in named) == [path.name for path in whole]
+
+    said = capsys.readouterr().out
+    assert "3 photos are left out, because they cannot be used: P0.jpg (is empty" in said
+    assert "Q[1].jpg (" in said
+    assert "R.jpg (is a link to a file that is not there)" in said
+    assert f"{len(whole)} photos of 640 x 480 px: photos/*.jpg" in said
+    assert main(["check", str(folder)]) == 0
+    assert "3 photos are left out" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("flight.tlog", b"", "is empty"),
+        ("flight.BIN", b"", "is empty"),
+        ("flight.tlog", b"no log " * 9, "does not begin as a flight log does"),
+        ("flight.ulg", b"ULog\x01\x12\x35", "holds no complete message"),
+    ],
+)
+def test_a_damaged_log_is_named_with_the_reason_and_what_follows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, content: bytes, reason: str
+) -> None:
+    folder = bare(tmp_path / "flight")
+    (folder / name).write_bytes(content)
+    assert main(["new", str(folder)]) == 0
+
+    said = capsys.readouterr().out
+    assert f"warning: The flight log {name} is not used, as it {reason}" in said
+    assert "Without a flight log, the photos are placed by their own positions" in said
+    assert load_project(folder / "project.yaml").log is None
+
+
+def test_a_whole_log_is_taken_beside_a_damaged_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = bare(tmp_path / "flight")
+    for name, content in (("a.tlog", b""), ("b.tlog", FLIGHT), ("c.tlog", FLIGHT[:40])):
+        (folder / name).write_bytes(content)
+    main(["new", str(folder)])
+
+    said = capsys.readouterr()
+    assert "several" not in said.err
+    assert "choose with --log" not in said.err
+
+
+def test_tables_in_other_text_and_broken_links_stop_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = bare(tmp_path / "flight")
+    (folder / "lines.csv").write_bytes("name,from,to,length_m\nä,A,B,3\n".encode("latin-1"))
+    (folder / "picks.csv").symlink_to(tmp_path / "gone.csv")
+    (folder / "flight.tlog").symlink_to(tmp_path / "gone.tlog")
+    assert main(["new", str(folder)]) == 0
+
+    said = capsys.readouterr().out
+    assert "The table lines.csv is not used, as it is not UTF-8 text" in said
+    assert "flight.tlog is not used, as it is a link to a file that is not there" in said
+    project = load_project(folder / "project.yaml")
+    assert [Path(name or "").name for name in (project.picks, project.lines)] == [
+        "picks-2.csv",
+        "lines-2.csv",
+    ]
 
 
 def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path: Path) -> None:

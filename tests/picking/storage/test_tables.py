@@ -53,6 +53,46 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("*.csv*"))}
 
 
+def test_picks_in_a_damaged_photo_stay_in_the_table(project: Path) -> None:
+    photo = project.parent / "photos" / "P1.jpg"
+    whole = photo.read_bytes()
+    photo.write_bytes(whole[:-200])
+    work = Working(project)
+    assert {pick.image for pick in work.session.state.picks} == {"P2.jpg"}
+
+    work.do(c.Place(image="P2.jpg", label="A", u_px=51.0, v_px=60.0))
+    work.do(c.Place(image="P2.jpg", label="C", u_px=7.0, v_px=8.0))
+    assert work.save() == ""
+    table = (project.parent / "picks.csv").read_bytes()
+    assert table.startswith(PICKS[: PICKS.index(b"007")])
+    assert table.endswith(b"007,A,,P2.jpg,60.000,51.0\r\n,C,,P2.jpg,8.0,7.0")
+    work.tables.close()
+
+    photo.write_bytes(whole)
+    picks = read_inputs(project, unfinished=True).picks
+    assert list(zip(picks.image, picks.label, strict=True)) == [
+        ("P1.jpg", "A"),
+        ("P1.jpg", "B"),
+        ("P2.jpg", "A"),
+        ("P2.jpg", "C"),
+    ]
+
+
+def test_a_repaired_photo_keeps_its_picks_after_a_crash(project: Path) -> None:
+    photo = project.parent / "photos" / "P1.jpg"
+    whole = photo.read_bytes()
+    photo.write_bytes(b"")
+    work = Working(project)
+    work.do(c.Place(image="P2.jpg", label="C", u_px=7.0, v_px=8.0))
+    work.tables.close()  # not saved, as after a crash
+    photo.write_bytes(whole)
+    work = Working(project)
+
+    assert work.tables.messages[0].code == "pick-not-recovered"
+    assert {pick.image for pick in work.session.state.picks} == {"P1.jpg", "P2.jpg"}
+    work.tables.close()
+
+
 class Working:
     """Tables and the session that they keep, without a server."""
 

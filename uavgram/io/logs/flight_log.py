@@ -103,6 +103,31 @@ def is_flight_log(path: Path) -> bool:
         return False
 
 
+LOG_SUFFIXES = tuple(suffix for known in _FORMATS.values() for suffix in known.suffixes)
+
+
+def find_log_fault(path: Path, *, whole: bool) -> str:
+    """Return why a file with the suffix of a flight log cannot be used; empty if it can.
+
+    Parameters
+    ----------
+    path
+        The file; programs other than autopilots write .log and .bin files, too.
+    whole
+        Whether all of it is read, not the beginning alone.
+    """
+    try:
+        if not _head(path):
+            return "is empty: copy it once more"
+        if not is_flight_log(path):
+            return "does not begin as a flight log does: it is damaged, or of another program"
+        if whole:
+            read_flight_log(path)
+    except InputError as why:
+        return why.message
+    return ""
+
+
 def _read(path: str | Path) -> FlightLog:
     suffix = Path(path).suffix.lower()
     head = _head(path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,24 +15,27 @@ from numpy.typing import NDArray
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.decoding import decode_photo
-from uavgram.input_files import describe_files, read_bytes, unread_format
+from uavgram.input_files import UnusableFile, describe_files, read_bytes, unread_format
 from uavgram.io.files import check_name, digest_inputs, find_matching_files
 from uavgram.io.photos.metadata import (
     exif_text,
     read_all_camera_tags,
     read_exif_tags,
     read_image_size,
+    read_image_sizes,
 )
 from uavgram.io.tables.csv_tables import is_formula
 from uavgram.model.board import LensSetting
 from uavgram.model.camera import CameraTags
 from uavgram.model.frames import Photos, TimeSource
-from uavgram.model.message import Message
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.options import TimeOptions
 from uavgram.model.provenance import InputDigest
 
 PASSED_OVER = "files-passed-over"
 """Code of the message on files that are not used."""
+DAMAGED_PHOTO = "photo-damaged"
+"""Code of the message on photos that are damaged, and left out."""
 
 _MOMENT = re.compile(
     r"(?P<year>(?:19|20)\d\d)(?P<a>[-_.]?)(?P<month>[01]\d)(?P<b>[-_.]?)(?P<day>[0-3]\d)"
@@ -90,6 +93,8 @@ def read_photos(
 ) -> tuple[Photos, tuple[Message, ...]]:
     """Find the photos of a project and read their sizes and capture times.
 
+    Damaged photos are left out, with a message that names them.
+
     Parameters
     ----------
     patterns
@@ -100,12 +105,15 @@ def read_photos(
     Raises
     ------
     InputError
-        A pattern matches nothing, two photos have one name, a file is not a photo, or has no time
-        at the source that the project names.
+        A pattern matches nothing, two photos have one name, no file can be used, one is named that
+        has a format without a reader, or one has no time at the source that the project names.
     """
-    matching = find_photos(patterns)
-    paths, unread = separate_unread(matching, patterns)
-    sizes = np.array([read_image_size(path) for path in paths], dtype=np.float64)
+    matching, unread = _separate_unread(find_photos(patterns), patterns)
+    size_of, unusable = read_image_sizes(matching)
+    if not size_of:
+        read_image_size(matching[0])  # raises the reason
+    paths = list(size_of)
+    sizes = np.array(list(size_of.values()), dtype=np.float64)
     readings, source, messages = _times(paths, options)
     photos = Photos(
         frame_id=tuple(path.name for path in paths),
@@ -117,19 +125,40 @@ def read_photos(
         time_source=source,
     )
     passed = (Message("info", PASSED_OVER, describe_files(unread)),) if unread else ()
-    return photos, (*passed, *messages, *_like_formulas(photos.frame_id))
+    damaged = report_unusable_photos(unusable)
+    return photos, (*passed, *damaged, *messages, *_like_formulas(photos.frame_id))
 
 
-def separate_unread(
+def report_unusable_photos(unusable: Iterable[UnusableFile]) -> tuple[Message, ...]:
+    """Report damaged photos by name, each with the reason."""
+    return tuple(
+        Message(
+            "warning",
+            DAMAGED_PHOTO,
+            f"The photo {path.name} is left out, as it {reason}.",
+            frames=(path.name,),
+            several=MessagePlural(
+                "{count} photos are left out, because they cannot be used",
+                path.name,
+                reason.partition(":")[0],
+                ending="Copy them from the camera once more, or take them out of the folder.",
+            ),
+        )
+        for path, reason in unusable
+    )
+
+
+def _separate_unread(
     matching: list[Path], patterns: tuple[str, ...]
 ) -> tuple[list[Path], list[Path]]:
     """Separate the photos from files of formats without a reader, which only wildcards matched.
 
-    A file that the project names, or that is the only one, is kept: reading it gives the reason.
+    If the project names a file of such a format, it is an error.
     """
-    unread = [path for path in matching if str(path) not in patterns and unread_format(path)]
-    if len(unread) == len(matching):
-        return matching, []
+    unread = [path for path in matching if unread_format(path)]
+    named = [path for path in unread if str(path) in patterns]
+    if named or len(unread) == len(matching):
+        read_image_size((named or unread)[0])  # raises the reason
     return [path for path in matching if path not in set(unread)], unread
 
 
@@ -302,9 +331,9 @@ def find_calibration_photos(patterns: Sequence[str]) -> CalibrationFiles:
             "30, with the board tilted in different directions and the camera also turned by 90 "
             "degrees",
         )
+    tags = read_all_camera_tags(paths)
     digests = digest_inputs(paths)
     _refuse_copies(digests)
-    tags = read_all_camera_tags(paths)
     for other in tags[1:]:
         _refuse_difference(tags[0], other)
     return CalibrationFiles(

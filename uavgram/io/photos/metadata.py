@@ -22,7 +22,7 @@ import numpy as np
 
 from uavgram.errors import InputError, no_file
 from uavgram.geometry.geodesy import Origin
-from uavgram.input_files import read_bytes, refuse_unread
+from uavgram.input_files import UnusableFile, read_bytes, refuse_unread
 from uavgram.model.camera import CameraTags
 
 APP0, APP1, SOS, EOI = 0xE0, 0xE1, 0xDA, 0xD9
@@ -387,7 +387,8 @@ def read_image_size(path: str | Path) -> tuple[int, int]:
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     if size is None or min(size) <= 0:
-        raise InputError(path, f"is no photo that can be read: {TAKE_OUT}")
+        what = "is no photo" if head else "is empty, and no photo"
+        raise InputError(path, f"{what} that can be read: {TAKE_OUT}")
     if not is_whole:
         raise InputError(
             path,
@@ -395,6 +396,20 @@ def read_image_size(path: str | Path) -> tuple[int, int]:
             f"{TAKE_OUT}",
         )
     return int(size[0]), int(size[1])
+
+
+def read_image_sizes(
+    paths: Iterable[Path],
+) -> tuple[dict[Path, tuple[int, int]], tuple[UnusableFile, ...]]:
+    """Read the sizes of photos by `read_image_size`; list those that cannot be used."""
+    sizes: dict[Path, tuple[int, int]] = {}
+    unusable = []
+    for path in paths:
+        try:
+            sizes[path] = read_image_size(path)
+        except InputError as why:
+            unusable.append(UnusableFile(path, why.message))
+    return sizes, tuple(unusable)
 
 
 def _jpeg_size(content: mmap.mmap) -> tuple[tuple[int, int] | None, bool]:

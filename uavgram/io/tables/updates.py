@@ -11,9 +11,10 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
+from itertools import count
 from pathlib import Path
 
 from uavgram.errors import InputError
@@ -72,7 +73,11 @@ class _Kept:
 
 
 def rewrite_table(
-    content: bytes, before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]
+    content: bytes,
+    before: Sequence[Cells],
+    after: Sequence[Cells],
+    key: Sequence[str],
+    others: Collection[int] = (),
 ) -> bytes:
     """Change a CSV file from its present to its new content.
 
@@ -81,12 +86,15 @@ def rewrite_table(
     content
         The file, as the reader of its kind accepts it.
     before
-        Its present rows, in one way of writing numbers; no entry for blank lines.
+        Its present rows, in one way of writing numbers; no entry for blank lines, and none for the
+        rows `others`.
     after
         Its new rows, in the same way of writing. An empty cell of a column that the file does not
         have is ignored.
     key
         Columns that identify a row.
+    others
+        Numbers of rows that stay as they are.
 
     Returns
     -------
@@ -108,7 +116,7 @@ def rewrite_table(
     ]
     ends = records[at].end or "\n"
     writer = _Writer([*header, *new], separator, _comma_columns(records[at + 1 :], header))
-    written = _written(records, at, writer, kept, len(new))
+    written = _written(records, at, writer, kept, len(new), others)
     ended = _ended(written, ends, records[-1].end)
     return mark + "".join(record.text(separator) for record in ended).encode()
 
@@ -225,11 +233,16 @@ def _renamed(
 
 
 def _written(
-    records: Sequence[_Record], at: int, writer: _Writer, kept: _Kept, more: int
+    records: Sequence[_Record],
+    at: int,
+    writer: _Writer,
+    kept: _Kept,
+    more: int,
+    others: Collection[int],
 ) -> Iterator[_Record]:
     """Yield the records of the new file.
 
-    `at` is the header's index, `more` the number of new columns.
+    `at` is the header's index, `more` the number of new columns, `others` are rows that stay.
     """
     header = writer.header
     place = {name: i for i, name in enumerate(header)}
@@ -237,9 +250,13 @@ def _written(
     yield replace(records[at], cells=(*records[at].cells, *header[len(header) - more :]))
     yield from (_Record((writer.line(row),), "") for row in kept.added.get(-1, ()))
     row_number = -1
+    rows = count()
     for record in records[at + 1 :]:
         if record.is_blank:
             yield record
+            continue
+        if next(rows) in others:
+            yield replace(record, cells=(*record.cells, *[""] * more))
             continue
         row_number += 1
         if row_number in kept.changes:
@@ -267,7 +284,9 @@ LINES_HEADER = ("name", "from", "to", "length_m", "sigma_m", "use")
 MEASURE_HEADER = ("name", "kind", "points", "parameters")
 
 
-def update_picks(content: bytes | None, before: Picks, after: Picks) -> bytes | None:
+def update_picks(
+    content: bytes | None, before: Picks, after: Picks, others: Collection[int] = ()
+) -> bytes | None:
     """Update picks.csv with other picks.
 
     Parameters
@@ -278,6 +297,8 @@ def update_picks(content: bytes | None, before: Picks, after: Picks) -> bytes | 
         Picks in the file.
     after
         New picks.
+    others
+        Numbers of rows of the file that are not among `before`, and stay as they are.
 
     Returns
     -------
@@ -285,7 +306,7 @@ def update_picks(content: bytes | None, before: Picks, after: Picks) -> bytes | 
         The file, `content` itself where nothing changed; None where none is needed.
     """
     key = ("image", "label")
-    return _update(content, _pick_cells(before), _pick_cells(after), PICKS_HEADER, key)
+    return _update(content, _pick_cells(before), _pick_cells(after), PICKS_HEADER, key, others)
 
 
 def update_lines(content: bytes | None, before: KnownLines, after: KnownLines) -> bytes | None:
@@ -321,9 +342,10 @@ def _update(
     after: Sequence[Cells],
     header: Sequence[str],
     key: Sequence[str],
+    others: Collection[int] = (),
 ) -> bytes | None:
     if content is not None:
-        return rewrite_table(content, before, after, key)
+        return rewrite_table(content, before, after, key, others)
     if not after:
         return None
     more = [name for name in after[0] if name not in header and any(row[name] for row in after)]

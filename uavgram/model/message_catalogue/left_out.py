@@ -50,6 +50,28 @@ EXCLUDED = (
         finding="Some tie points that the program found do not fit the others, and take no part.",
     ),
     Entry(
+        "photo-damaged",
+        WARNING,
+        finding=(
+            "A photo cannot be used: it is cut off, empty, or no photo. The message states which."
+        ),
+        consequence="It is left out.",
+        action="Copy it from the camera once more, or take it out of the folder.",
+    ),
+    Entry(
+        "picks-in-damaged-photo",
+        WARNING,
+        finding="Picks are in a photo that cannot be used.",
+        consequence=(
+            "They take no part, and neither do tie points there. They stay in their tables."
+        ),
+        action="Copy the photo from the camera once more, and run again.",
+        effect=Effect.AMBER,
+        order=Order.LEFT_OUT,
+        one="{frames} is damaged, so its picks take no part.",
+        several="{frames} are damaged, so their picks take no part.",
+    ),
+    Entry(
         "frame-left-out",
         WARNING,
         finding="A photo was left out with all of its picks, for the reason in the message.",

@@ -52,6 +52,26 @@ NEW_PROJECT = (
         ),
     ),
     Entry(
+        "log-unusable",
+        WARNING,
+        finding=(
+            "A file in the folder has the name of a flight log, but it is empty, damaged, or of "
+            "another program. The message states which."
+        ),
+        consequence=(
+            "The new project does not use it. Without another log, the photos are placed by their "
+            "own positions, if they have some, or else by taped lengths alone."
+        ),
+        action="Copy the log from the vehicle once more, and write its name in `log`.",
+    ),
+    Entry(
+        "table-unusable",
+        WARNING,
+        finding="A table or list in the folder cannot be read, for the reason in the message.",
+        consequence="The new project does not use it.",
+        action="Save it as CSV UTF-8, and write its name in the project.",
+    ),
+    Entry(
         "camera-passed-over",
         WARNING,
         finding=(

@@ -857,6 +857,7 @@ class Found(TypedDict):
     poses: list[str]
     gcp_lists: list[str]
     tables: list[str]
+    unusable: list[str]
     passed_over: str
     setup: Setup
     camera: str | None

@@ -77,6 +77,7 @@ class Tables:
         try:
             self._named = {role: getattr(project, role) is not None for role in ROLES}
             self._files = make_state(inputs.picks, inputs.lines, inputs.requests)
+            self._unused_picks = inputs.unused_picks
             self._original = self._as_read(inputs)
             self._on_disk = dict(self._original)
             self._digest = _digests(self._on_disk)
@@ -164,7 +165,7 @@ class Tables:
         )
         requests = self._files.requests, state.requests
         return {
-            "picks": update_picks(self._original["picks"], picks, now_picks),
+            "picks": update_picks(self._original["picks"], picks, now_picks, self._unused_picks),
             "lines": update_lines(self._original["lines"], lines, now_lines),
             "measure": update_measure(self._original["measure"], *requests),
         }
@@ -246,7 +247,8 @@ class Tables:
         state = self._files if left.session is None else left.session.state
         if not left.fits(_digests(self._original)):
             return "the tables were changed since by another program"
-        if any(pick.image not in photos for pick in state.picks):
+        known = {pick.image for one in (left.saved, state) if one for pick in one.picks}
+        if not (known <= photos and {pick.image for pick in self._files.picks} <= known):
             return "the project has other photos now"
         fault = self._unreadable(state)
         return f"no table may hold them ({fault})" if fault else ""

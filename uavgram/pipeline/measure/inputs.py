@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +19,7 @@ from uavgram.imaging.photos.decoding import is_same_exposure
 from uavgram.input_files import unread_format
 from uavgram.io.files import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.photos.catalogue import read_photos
+from uavgram.io.photos.catalogue import DAMAGED_PHOTO, read_photos
 from uavgram.io.photos.metadata import exif_text, read_camera_tags, read_exif_tags
 from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_pose_sources
 from uavgram.io.photos.pose_tags import ASK_FOR_MOUNT, first_maker
@@ -48,6 +49,7 @@ from uavgram.model.observations import (
     KnownThings,
     MeasurementRequest,
     Picks,
+    select_rows,
 )
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.provenance import InputDigest
@@ -164,7 +166,12 @@ NO_POINTS = KnownPoints(
 class Inputs:
     """All inputs that a project names, as read.
 
-    `digests` is the chain of custody: every file that was read, the project file first.
+    Attributes
+    ----------
+    digests
+        Chain of custody: every file that was read, the project file first.
+    unused_picks
+        Rows of the table of picks that are in photos that cannot be used; `picks` has all others.
     """
 
     project_path: str
@@ -172,6 +179,7 @@ class Inputs:
     calibration: Calibration
     photos: Photos
     picks: Picks
+    unused_picks: tuple[int, ...] = ()
     lines: KnownLines
     known: KnownThings = NO_KNOWN
     requests: tuple[MeasurementRequest, ...]
@@ -239,6 +247,11 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     control_lines = _control_lines(project, known)
     check = read_known_points(project.check) if project.check else NO_POINTS
     photos, photo_messages = read_photos(project.images, project.time)
+    unusable = {m.frames[0] for m in photo_messages if m.code == DAMAGED_PHOTO}
+    unused_picks = tuple(i for i, image in enumerate(picks.image) if image in unusable)
+    photo_messages += _report_unused(picks, unused_picks)
+    picks = picks.take([i for i in range(len(picks.image)) if i not in set(unused_picks)])
+    ties = _without_photos(ties, unusable)
     calibration, messages = _camera(project, photos)
     for readout in _readout(project, calibration, photos):
         calibration = replace(calibration, readout=readout)
@@ -256,6 +269,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         calibration=calibration,
         photos=photos,
         picks=picks,
+        unused_picks=unused_picks,
         lines=lines,
         known=known,
         requests=requests,
@@ -276,6 +290,33 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
             *notes,
         ),
     )
+
+
+def _report_unused(picks: Picks, rows: Sequence[int]) -> tuple[Message, ...]:
+    """Report the picks in each photo that cannot be used."""
+    labels: dict[str, dict[str, None]] = {}
+    for row in rows:
+        labels.setdefault(picks.image[row], {})[picks.label[row]] = None
+    return tuple(
+        Message(
+            "warning",
+            "picks-in-damaged-photo",
+            f"{image} is damaged, so its picks ({', '.join(names)}) take no part. They stay in the "
+            "table, and are used again when the photo was copied from the camera once more.",
+            frames=(image,),
+            labels=tuple(names),
+        )
+        for image, names in labels.items()
+    )
+
+
+def _without_photos(ties: TiePicks, photos: Collection[str]) -> TiePicks:
+    """Return the tie points without their sightings in some photos; each needs two others."""
+    rows = [i for i, image in enumerate(ties.image) if image not in photos]
+    if len(rows) == len(ties.image):
+        return ties
+    sightings = Counter(ties.tie[i] for i in rows)
+    return TiePicks(**select_rows(ties, [i for i in rows if sightings[ties.tie[i]] > 1]))
 
 
 def named_files(

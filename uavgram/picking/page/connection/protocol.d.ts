@@ -180,7 +180,7 @@ export interface ListedFolders { number: number | null; way: Step[]; photos: num
 // Set-up of a project by a person.
 export interface Setup { pitch_deg: number | "auto"; reading_sigma_m: number; units: "metric" | "imperial" | ""; case: Record<string, string> }
 // Content of a folder that a project can use.
-export interface Found { number: number; name: string; path: string; has_project: boolean; photos: FoundPhotos[]; cameras: FoundCamera[]; logs: string[]; poses: string[]; gcp_lists: string[]; tables: string[]; passed_over: string; setup: Setup; camera: string | null; log: string | null; has_gimbal: boolean | null; fault: string }
+export interface Found { number: number; name: string; path: string; has_project: boolean; photos: FoundPhotos[]; cameras: FoundCamera[]; logs: string[]; poses: string[]; gcp_lists: string[]; tables: string[]; unusable: string[]; passed_over: string; setup: Setup; camera: string | null; log: string | null; has_gimbal: boolean | null; fault: string }
 // Request of the start page: a folder, its files to use, and the set-up.
 export interface Wanted { folder: number; images: string[]; log: string | null; poses: string | null; camera: string | null; gcp_list: string | null; gcp_sigma_m: number; setup: Setup }
 // Units of all displayed values: page, terminal, report, drawing and recording.

@@ -207,6 +207,8 @@ export const proposalAt = (image, label) => (pickAt(image, label) ? undefined : 
 export const adjusted = () => (store.live?.mode === "adjusted" ? store.live : null);
 export const stale = () => store.liveFor < store.version;
 export const remarks = () => store.live?.messages ?? store.opening;
+const DAMAGE = ["photo-damaged", "picks-in-damaged-photo"];
+export const damage = () => store.opening.filter(({ code }) => DAMAGE.includes(code));
 /** @param {number} image @param {string} label */
 export const pickAt = (image, label) => store.picks.get(pickKey(image, label));
 /** @param {number} image @param {string} label */

@@ -56,7 +56,7 @@ export function showSetup(section, found, act) {
   showKind(kinds[0]);
   form.append(
     node("div", { class: "columns" },
-      node("div", { class: "found" }, photosPart(found, kinds, showKind), filesPart(found), camera, otherPart(found)),
+      node("div", { class: "found" }, unusablePart(found), photosPart(found, kinds, showKind), filesPart(found), camera, otherPart(found)),
       node("div", { class: "asked-for" }, mount, tapePart(found), casePart(found))),
     bar(found, act, true));
   section.replaceChildren(heading, node("p", { class: "dim path" }, found.path), form);
@@ -64,7 +64,8 @@ export function showSetup(section, found, act) {
 }
 
 /** @param {Found} found @returns {Node[]} */
-const nothing = ({ passed_over }) => [node("p", {}, "There are no photos (.jpg, .png, .tif) in this folder, nor in the folders in it."),
+const nothing = ({ unusable, passed_over }) => [node("p", {}, `There are no photos (.jpg, .png, .tif)${unusable.length ? " that can be used" : ""} in this folder, nor in the folders in it.`),
+  ...unusable.map((why) => node("p", {}, why)),
   node("p", {}, "Choose the folder of the flight, or copy the photos from the memory card into it."), ...(passed_over ? [node("p", { class: "dim" }, passed_over)] : [])];
 
 /** @param {Found} found @param {{ back: () => void }} act @param {boolean} [isReady] */
@@ -74,6 +75,10 @@ const bar = ({ has_project }, act, isReady = false) => node("div", { class: "bar
 
 /** @param {string} title @param {...Child} parts */
 const box = (title, ...parts) => node("fieldset", {}, node("legend", {}, title), ...parts);
+
+// Damaged files, by name: without them the project differs from the one that was intended.
+/** @param {Found} found */
+const unusablePart = ({ unusable }) => (unusable.length ? node("fieldset", { class: "unusable" }, node("legend", {}, "Cannot be used"), ...unusable.map((why) => node("p", {}, why))) : null);
 
 /** @param {Found} found @param {Kind[]} kinds @param {(kind: Kind) => void} choose */
 function photosPart({ number, has_project }, kinds, choose) {

@@ -1,6 +1,6 @@
 // The photos tab: time, match and seed of each photo, and unmatched photos and events.
 
-import { adjusted, picksIn, store } from "../connection/store.js";
+import { adjusted, damage, picksIn, store } from "../connection/store.js";
 import { linkButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
@@ -16,7 +16,7 @@ export function showFrames(section, show, current) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
   fill(section, [keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
-    keep("frames", [facts, store.clock, store.opening], () => node("div", {}, framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
+    keep("frames", [facts, store.clock, store.opening], () => node("div", {}, damagePart(), framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
 }
 
 /** @param {Adjusted | null} now */
@@ -56,6 +56,8 @@ function framesPart(facts, show) {
   return titled(`Photos (${matched} of ${facts.length} placed in the flight)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now.`),
     table("Photos", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
 }
+
+const damagePart = () => (damage().length ? titled("Damaged photos", list(damage())) : null);
 
 /** @param {Facts[]} facts */
 function unmatchedPart(facts) {

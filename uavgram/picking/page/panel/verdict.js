@@ -1,7 +1,7 @@
 // The verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence, and
 // its remedies. Statistics and all else are folded behind "why". Level and words come from the server.
 
-import { adjusted, remarks, stale, store } from "../connection/store.js";
+import { adjusted, damage, remarks, stale, store } from "../connection/store.js";
 import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
@@ -27,11 +27,15 @@ export function showVerdict(box, tools) {
   fillIfNew(byId("reasons"), JSON.stringify([behind, isOld]), () => [list(behind, (remark) => (remark === first ? null : buttons(remark)))]);
 }
 
-// Warnings as remarks, before there are numbers.
+// Warnings as remarks, before there are numbers; photos that are missing come first.
 /** @param {Note} note @returns {Remark} */
 const asRemark = ({ level, code, text, labels }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
 const NOTHING = asRemark({ level: "warning", code: "", text: "", labels: [] });
-const unjudged = () => ({ first: NOTHING, why: remarks().filter(({ level }) => level !== "info").map(asRemark), unseen: "" });
+function unjudged() {
+  const [missing, ...others] = damage();
+  const why = remarks().filter(({ level, text }) => level !== "info" && (others.length || text !== missing?.text));
+  return { first: NOTHING, why: why.map(asRemark), unseen: missing?.text ?? "" };
+}
 
 // Returns whether another remark gives the reason at more length.
 /** @param {Remark} reason @param {Remark[]} others */
