@@ -225,3 +225,21 @@ def test_a_reload_keeps_tool_photos_and_view_of_this_tab(
         other.goto(server.guard.address())
         expect(other.locator(".pane")).to_have_count(1)
         expect(other.locator('[data-tool="pick"]')).to_be_checked()
+
+
+def test_a_reload_keeps_a_distance_of_which_one_point_is_clicked(
+    project: Path, open_page: PageOpener
+) -> None:
+    with served(project) as server:
+        page = open_page(server)
+        page.keyboard.press("d")
+        page.mouse.click(*to_page(page, 300, 200))
+        expect(page.locator(".mark[data-label]")).to_have_count(1)
+        eventually(page, (project.parent / "picks.csv").is_file)
+        page.reload()
+        expect(page.locator(".mark[data-label]")).to_have_count(1)
+        expect(page.get_by_role("radio", name="Distance")).to_be_checked()
+        page.mouse.click(*to_page(page, 400, 220))
+        eventually(page, (project.parent / "measure.csv").is_file)
+        assert "distance" in (project.parent / "measure.csv").read_text(encoding="utf-8")
+        assert not open_page.errors

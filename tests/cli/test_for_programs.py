@@ -25,6 +25,7 @@ def test_run_prints_what_results_json_holds(project: Project, command: Command) 
     results = Path(told.pop("results"))
     assert results == project / "out" / "results.json"
     assert told.pop("output") == str(project / "out")
+    assert told.pop("written_beside") == {}
     whole = json.loads(results.read_text(encoding="utf-8"))
     assert {*told} == {"schema", "name", "verdict", "measurements", "checks", "messages"}
     assert told == {key: whole[key] for key in told}

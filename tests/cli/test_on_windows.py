@@ -112,7 +112,10 @@ def test_what_excel_has_open_is_written_beside_it_and_no_run_is_lost(desk: Windo
 
     done = excel.run("run", SURVEY, "--json", "--fail-on", "red")
     assert done.status == 0, done.stderr
-    assert json.loads(done.stdout)["verdict"]["level"] == "green"
+    said = json.loads(done.stdout)
+    assert said["verdict"]["level"] == "green"
+    assert said["written_beside"] == {table.name: beside.name}
+    assert Path(said["results"]).name == "results.json"
     assert re.search(
         r"measurements\.csv is open in another program.*measurements\.newer", done.stderr
     )

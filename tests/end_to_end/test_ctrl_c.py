@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from pick_pages import small_project
 from small_projects import write_small_survey
 
 from uavgram.cli import main
@@ -192,3 +193,20 @@ def test_a_command_in_the_background_that_ignores_ctrl_c_goes_on_ignoring_it() -
     with process:
         _, said = process.communicate(timeout=LONGEST_WAIT_S)
     assert (process.returncode, said) == (0, "")
+
+
+def test_a_page_in_the_background_that_is_ended_gives_the_true_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The shell lets such a job ignore Ctrl+C, but the web server ends at the signal."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    code = f"import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n{BEGIN}"
+    process = start("pick", small_project(tmp_path / "flight"), "--no-browser", code=code)
+    with process:
+        assert process.stdout is not None
+        while "Ctrl+C" not in process.stdout.readline():
+            pass
+        os.kill(process.pid, signal.SIGINT)
+        shown, said = process.communicate(timeout=LONGEST_WAIT_S)
+    assert (process.returncode, said) == (130, "uavgram: ended; everything is saved\n")
+    assert "no tab" not in shown

@@ -64,7 +64,7 @@ def test_windows_gets_a_shortcut_with_its_picture(
         "UAVGRAM_ICON": "/icons/icon.svg",
     }
     assert {f"$env:{name}" in shell.command[-1] for name in shell.paths} == {True}
-    assert b"-m uavgram %*" in target.read_bytes()
+    assert b"-m uavgram" in target.read_bytes()
     assert [path.name for path in desk.iterdir()] == ["uavgram.lnk"]
     (desk / "uavgram.lnk").write_bytes(b"L of something else")
     with pytest.raises(UavgramError, match="no shortcut"):
@@ -87,7 +87,12 @@ def test_without_powershell_it_is_a_batch_file_that_takes_a_dropped_folder(
     assert path == tmp_path / "uavgram.cmd"
     lines = path.read_bytes().decode().split("\r\n")
     assert lines[1] == "chcp 65001 >nul"  # what follows is UTF-8
-    assert '"C:\\Prö 100%%\\python.exe" -m uavgram %*' in lines
+    assert 'set "python=C:\\Prö 100%%\\python.exe"' in lines
+    # With & in its name a dropped path has no quotes: it comes from the whole command line.
+    assert 'set "line=!cmdcmdline:~0,-1!"' in lines
+    assert 'set "dropped=!line:*uavgram.cmd" =!"' in lines
+    run = lines.index('"!python!" -m uavgram "!dropped!"')
+    assert lines[run + 2] == "exit"  # else the name behind & is run
     assert "\n" not in path.read_bytes().decode().replace("\r\n", "")
 
 
@@ -136,8 +141,21 @@ def test_the_desktop_is_found_by_its_name_in_the_users_language(tmp_path: Path) 
     cloud = tmp_path / "OneDrive"
     (cloud / "Desktop").mkdir(parents=True)
     assert desktop_folder(computer(tmp_path, "win32", OneDrive=str(cloud))) == cloud / "Desktop"
+
+
+def test_a_desktop_that_is_not_there_is_made(tmp_path: Path) -> None:
+    assert desktop_folder(computer(tmp_path, "linux")) == tmp_path / "Desktop"
+    assert (tmp_path / "Desktop").is_dir()
     (tmp_path / "Desktop").rmdir()
-    with pytest.raises(UavgramError, match="name one with --folder"):
+    (tmp_path / ".config").mkdir()
+    file = tmp_path / ".config" / "user-dirs.dirs"
+    file.write_text('XDG_DESKTOP_DIR="$HOME/Schreibtisch"\n')
+    assert desktop_folder(computer(tmp_path, "linux")) == tmp_path / "Schreibtisch"
+    file.write_text('XDG_DESKTOP_DIR="$HOME/"\n')  # as where a person wants none
+    assert desktop_folder(computer(tmp_path, "linux")) == tmp_path / "Desktop"
+    (tmp_path / "Desktop").rmdir()
+    (tmp_path / "Desktop").write_text("a file")
+    with pytest.raises(UavgramError, match="--folder"):
         desktop_folder(computer(tmp_path, "darwin"))
 
 

@@ -25,7 +25,9 @@ _OF_A_RUN = ("schema", "name", "verdict", "measurements", "checks", "messages")
 
 
 def run_object(result: Result, folder: Path) -> dict[str, Any]:
-    """Make an object of a run: its verdict, measurements, checks and messages.
+    """Make an object of a run: its verdict, measurements, checks, messages and files.
+
+    `written_beside` has the new file of each result that was open in another program.
 
     Parameters
     ----------
@@ -34,12 +36,15 @@ def run_object(result: Result, folder: Path) -> dict[str, Any]:
     folder
         Folder of its files.
     """
-    from uavgram.io.outputs import LAST_MOVED
+    from uavgram.io.outputs import LAST_MOVED, find_latest
     from uavgram.io.results.results_json import dump_results
 
     whole = json.loads(dump_results(result))
-    files = {"output": str(folder.absolute()), "results": str((folder / LAST_MOVED).absolute())}
-    return {key: whole[key] for key in _OF_A_RUN} | files
+    folder = folder.absolute()
+    paths = sorted(path for path in folder.iterdir() if path.is_file())
+    beside = {path.name: find_latest(path).name for path in paths if find_latest(path) != path}
+    files = {"output": str(folder), "results": str(find_latest(folder / LAST_MOVED))}
+    return {key: whole[key] for key in _OF_A_RUN} | files | {"written_beside": beside}
 
 
 def check_object(checked: CheckedProject, project: Path) -> dict[str, Any]:

@@ -41,12 +41,12 @@ class Computer:
 
 
 def desktop_folder(computer: Computer) -> Path:
-    """Find the user's desktop, by its name in the system's language.
+    """Find the user's desktop, by its name in the system's language; make it if there is none.
 
     Raises
     ------
-    UavgramError
-        There is none.
+    OutputError
+        It cannot be made.
     """
     home, environ = computer.home, computer.environ
     candidates = [home / "Desktop"]
@@ -55,12 +55,11 @@ def desktop_folder(computer: Computer) -> Path:
         candidates = [*_of_registry(), *([Path(moved) / "Desktop"] if moved else []), *candidates]
     elif computer.platform != "darwin":
         candidates = [*_of_user_dirs(home, environ), *candidates]
-    for folder in candidates:
-        if folder.is_dir() and folder != home:
-            return folder
-    raise UavgramError(
-        "this user has no desktop folder: name one with --folder, such as --folder ~/Desktop"
-    )
+    candidates = [folder for folder in candidates if folder != home]
+    desk = next((folder for folder in candidates if folder.is_dir()), candidates[0])
+    with as_output_errors(desk, "--folder"):
+        desk.mkdir(parents=True, exist_ok=True)
+    return desk
 
 
 def _of_registry() -> list[Path]:
@@ -169,12 +168,33 @@ def _is_linked(computer: Computer, link: Path, target: Path) -> bool:
 
 
 def _windows(python: str) -> str:
-    """Return a batch file; a folder that is dropped on its icon is opened."""
+    """Return a batch file; a folder that is dropped on its icon is opened.
+
+    Explorer does not quote a dropped path with an ``&`` but no blank, at which ``%1`` would end and
+    the rest would be run. So the path is taken from the whole command line, without its quotes, and
+    ``exit`` follows. No parentheses: a path may have some.
+    """
     said = python.replace("%", "%%")
-    return (
-        "@echo off\r\nchcp 65001 >nul\r\ntitle uavgram - close this window to end it\r\n"
-        f'cd /d "%USERPROFILE%"\r\n"{said}" -m uavgram %*\r\nif errorlevel 1 pause\r\n'
+    lines = (
+        "@echo off",
+        "chcp 65001 >nul",
+        "title uavgram - close this window to end it",
+        'cd /d "%USERPROFILE%"',
+        f'set "python={said}"',
+        "setlocal EnableDelayedExpansion",
+        'set "line=!cmdcmdline:~0,-1!"',
+        f'set "dropped=!line:*{NAME}.cmd" =!"',
+        'if "!dropped!"=="!line!" set "dropped="',
+        'if defined dropped set "dropped=!dropped:"=!"',
+        "if not defined dropped goto typed",
+        '"!python!" -m uavgram "!dropped!"',
+        "if errorlevel 1 pause",
+        "exit",
+        ":typed",
+        '"!python!" -m uavgram %*',
+        "if errorlevel 1 pause",
     )
+    return "".join(f"{line}\r\n" for line in lines)
 
 
 def _macos(python: str) -> str:

@@ -447,6 +447,12 @@ def _names_for(path: Path) -> list[Path]:
     return [path, name_newer(path), *again]
 
 
+def find_latest(path: Path) -> Path:
+    """Return the file that the last run wrote for a result: itself, or one beside it."""
+    written = [name for name in _names_for(path) if name.is_file()]
+    return max(written, key=lambda name: name.stat().st_mtime_ns, default=path)
+
+
 def _move(source: Path, target: Path) -> None:
     """Move a file into its place, or next to it where another program holds that."""
     names = _names_for(target)

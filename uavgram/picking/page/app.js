@@ -9,7 +9,7 @@ import { buildTools } from "./actions/tool_menu.js";
 import { Tools } from "./actions/tools.js";
 import { Link } from "./connection/link.js";
 import { keep, kept } from "./connection/kept.js";
-import { labels, pickKey, receive, store } from "./connection/store.js";
+import { labels, pickKey, picksOf, receive, store } from "./connection/store.js";
 import { as, byId, choose, node } from "./elements/dom.js";
 import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
@@ -151,19 +151,25 @@ class App {
   }
 
   keep() {
-    const { pictures, panes, state: { tab, tool, drawsIn } } = this;
-    if (panes.all.length) keep({ tab, tool, drawsIn, pictures, panes: panes.kept });
+    const { pictures, panes, state: { tab, tool, drawsIn, draft } } = this;
+    if (panes.all.length) keep({ tab, tool, drawsIn, draft, pictures, panes: panes.kept });
   }
 
   // Shows what this tab showed before its page was loaded again.
   resume() {
-    const { pictures, panes, drawsIn = null, tab = "measure", first = "pick", tool = store.lines.length ? "pick" : first } = kept();
+    const { pictures, panes, tab = "measure", first = "pick", tool = store.lines.length ? "pick" : first } = kept();
     const isSame = pictures === this.pictures; // else other photos have these numbers
     this.setPanes(isSame && panes ? panes.views.length : 1);
     if (isSame && panes) this.panes.resume(panes);
     if (tab !== this.state.tab) this.panel.setTab(tab);
     if (tool !== this.state.tool) this.tools.setTool(tool);
-    if (isSame) this.state.drawsIn = drawsIn;
+    if (isSame) this.resumeDraft();
+  }
+
+  // Continues a length or measurement of which the first points were clicked.
+  resumeDraft() {
+    const { drawsIn = null, draft = [] } = kept();
+    Object.assign(this.state, { drawsIn, draft: draft.every((label) => picksOf(label).length) ? draft : [] });
   }
 
   // Drawing.

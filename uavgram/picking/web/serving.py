@@ -228,12 +228,15 @@ def shut_down_orderly() -> Iterator[None]:
     """Leave the enclosed block by an exception where a signal would end the program at once.
 
     uvicorn stops at SIGTERM, and then sends it again as if it had not caught it: by default that
-    ends the program before anything is cleared away. At SIGHUP it does not even stop.
+    ends the program before anything is cleared away. At SIGHUP it does not even stop. SIGINT it
+    also catches where the shell ignores it, as for a job in the background.
     """
     if threading.current_thread() is not threading.main_thread():  # it gets no signals
         yield
         return
     before = {signal.SIGTERM: signal.signal(signal.SIGTERM, _leave)}
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
     if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # no nohup
         before[signal.SIGHUP] = signal.signal(signal.SIGHUP, _terminate)
     try:

@@ -10,7 +10,7 @@ const STORED = "uavgram-kept";
 
 /**
  * `folder`: the listed one; `first`: the tool with which a new project begins. Numbers of photos hold for `pictures`, their digests.
- * @typedef {{ page?: string, folder?: number | null, first?: ToolName, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, panes?: KeptPanes }} Kept
+ * @typedef {{ page?: string, folder?: number | null, first?: ToolName, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, draft?: string[], panes?: KeptPanes }} Kept
  */
 
 /** Returns what was kept of a page; nothing if another one was shown since. @param {string} page @returns {Kept} */
