@@ -125,50 +125,32 @@ def test_a_measurement_named_twice_is_named(project: Project, fails: Fails) -> N
     fails(f"{project / 'measure.csv'}:3", "skid left")
 
 
-def damage(photo: Path, how: str) -> None:
-    whole = photo.read_bytes()
-    contents = {
-        "no photo": b"this is no photo",
-        "empty": b"",
-        "header alone": whole[: whole.index(b"\xff\xc0") + 12],
-        "cut off": whole[:-200],
-        "without its last bytes": whole[:-2],
-    }
-    photo.write_bytes(contents[how])
+def test_a_photo_that_is_no_photo_is_named(project: Project, fails: Fails) -> None:
+    (project / "photos" / "IMG_0003.jpg").write_bytes(b"this is no photo")
+    fails(project / "photos" / "IMG_0003.jpg")
 
 
-@pytest.mark.parametrize(
-    ("how", "reason"),
-    [
-        ("no photo", "is no photo that can be read"),
-        ("empty", "is empty"),
-        ("header alone", "is no photo that can be read"),
-        ("cut off", "is cut off"),
-        ("without its last bytes", "is cut off"),
-    ],
-)
-def test_a_damaged_photo_is_left_out_by_name_with_its_picks(
-    project: Project, command: Command, how: str, reason: str
+def test_an_empty_photo_is_named(project: Project, fails: Fails) -> None:
+    (project / "photos" / "IMG_0003.jpg").write_bytes(b"")
+    fails(project / "photos" / "IMG_0003.jpg")
+
+
+def test_a_photo_with_nothing_behind_its_header_is_named(project: Project, fails: Fails) -> None:
+    photo = project / "photos" / "IMG_0003.jpg"
+    encoded = photo.read_bytes()
+    frame = encoded.index(b"\xff\xc0")
+    photo.write_bytes(encoded[: frame + 12])
+    fails(photo)
+
+
+@pytest.mark.parametrize("missing", [2, 200])
+def test_a_photo_that_is_cut_off_is_named_by_check_too(
+    project: Project, fails: Fails, command: Command, missing: int
 ) -> None:
-    picks = (project / "picks.csv").read_bytes()
-    damage(project / "photos" / "IMG_0003.jpg", how)
-    checked, done = command("check", project.path), command("run", project.path)
-
-    for said in (checked, done):
-        assert said.status == 0, said.stderr
-        assert f"The photo IMG_0003.jpg is left out, as it {reason}" in said.stdout
-        assert "IMG_0003.jpg is damaged, so its picks (" in said.stdout
-    result = json.loads((project.out / "results.json").read_text(encoding="utf-8"))
-    assert "IMG_0003.jpg" not in {frame["frame_id"] for frame in result["frames"]}
-    assert result["verdict"]["level"] != "green"
-    assert (project / "picks.csv").read_bytes() == picks
-
-
-def test_a_project_of_nothing_but_damaged_photos_is_refused(project: Project, fails: Fails) -> None:
-    photos = sorted((project / "photos").iterdir())
-    for photo in photos:
-        photo.write_bytes(b"")
-    fails(photos[0], "is empty")
+    photo = project / "photos" / "IMG_0003.jpg"
+    photo.write_bytes(photo.read_bytes()[:-missing])
+    fails(photo, "cut off")
+    assert command("check", project.path).status == 1
 
 
 def test_no_result_replaces_an_input(project: Project, fails: Fails) -> None:

@@ -32,9 +32,8 @@ def test_a_pipe_among_the_photos_is_named_as_one(
         )
     (project.parent / "picks.csv").write_text("image,label,u_px,v_px\n", encoding="utf-8")
     os.mkfifo(project.parent / "photos" / "P3.jpg")
-    assert main(["check", str(project)]) == 0
-    said = capsys.readouterr().out
-    assert "P3.jpg is left out, as it is a FIFO (a pipe between programs), no file" in said
+    assert main(["check", str(project)]) == 1
+    assert "P3.jpg: is a FIFO (a pipe between programs), no file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from uavgram.io.photos.catalogue import (
     name_format,
     read_photos,
     report_unusable_photos,
+    separate_unread,
 )
 from uavgram.io.photos.metadata import read_image_size
 from uavgram.io.photos.pose_sources import FROM_PHOTOS
@@ -190,11 +191,11 @@ def pattern_of(folder: Path, group: PhotoGroup) -> str:
 def _name_photos(
     folder: Path, groups: Sequence[PhotoGroup], patterns: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the patterns of photos; or their names, if the patterns match others, too."""
+    """Return the patterns of photos; or their names, if the patterns match damaged photos, too."""
     wanted = {path for group in groups for path in group.files}
     absolute = tuple(make_absolute(folder, pattern) for pattern in patterns)
-    matching, _ = group_photos(find_photos(absolute))
-    if wanted == {path for group in matching for path in group.files}:
+    photos, _ = separate_unread(find_photos(absolute), absolute)
+    if set(photos) == wanted:
         return tuple(patterns)
     return tuple(glob.escape(_relative(folder, path)) for path in sorted(wanted))
 

@@ -89,11 +89,9 @@ class _Reading:
 
 
 def read_photos(
-    patterns: tuple[str, ...], options: TimeOptions
+    patterns: tuple[str, ...], options: TimeOptions, *, leave_out: bool = False
 ) -> tuple[Photos, tuple[Message, ...]]:
     """Find the photos of a project and read their sizes and capture times.
-
-    Damaged photos are left out, with a message that names them.
 
     Parameters
     ----------
@@ -101,17 +99,19 @@ def read_photos(
         Absolute file names or patterns.
     options
         Source of the times; `auto` takes EXIF where most photos have it, else none.
+    leave_out
+        Whether damaged photos are left out, with a message; otherwise they are an error.
 
     Raises
     ------
     InputError
-        A pattern matches nothing, two photos have one name, no file can be used, one is named that
-        has a format without a reader, or one has no time at the source that the project names.
+        A pattern matches nothing, two photos have one name, a file is not a photo, or has no time
+        at the source that the project names.
     """
-    matching, unread = _separate_unread(find_photos(patterns), patterns)
+    matching, unread = separate_unread(find_photos(patterns), patterns)
     size_of, unusable = read_image_sizes(matching)
-    if not size_of:
-        read_image_size(matching[0])  # raises the reason
+    if unusable and (not size_of or not leave_out):
+        read_image_size(unusable[0].path)  # raises the reason
     paths = list(size_of)
     sizes = np.array(list(size_of.values()), dtype=np.float64)
     readings, source, messages = _times(paths, options)
@@ -148,17 +148,16 @@ def report_unusable_photos(unusable: Iterable[UnusableFile]) -> tuple[Message, .
     )
 
 
-def _separate_unread(
+def separate_unread(
     matching: list[Path], patterns: tuple[str, ...]
 ) -> tuple[list[Path], list[Path]]:
     """Separate the photos from files of formats without a reader, which only wildcards matched.
 
-    If the project names a file of such a format, it is an error.
+    A file that the project names, or that is the only one, is kept: reading it gives the reason.
     """
-    unread = [path for path in matching if unread_format(path)]
-    named = [path for path in unread if str(path) in patterns]
-    if named or len(unread) == len(matching):
-        read_image_size((named or unread)[0])  # raises the reason
+    unread = [path for path in matching if str(path) not in patterns and unread_format(path)]
+    if len(unread) == len(matching):
+        return matching, []
     return [path for path in matching if path not in set(unread)], unread
 
 

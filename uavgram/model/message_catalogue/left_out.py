@@ -55,7 +55,10 @@ EXCLUDED = (
         finding=(
             "A photo cannot be used: it is cut off, empty, or no photo. The message states which."
         ),
-        consequence="It is left out.",
+        consequence=(
+            "A new project does not use it. The page opens a project without it, but `run` and "
+            "`check` refuse one that names it."
+        ),
         action="Copy it from the camera once more, or take it out of the folder.",
     ),
     Entry(
@@ -63,9 +66,10 @@ EXCLUDED = (
         WARNING,
         finding="Picks are in a photo that cannot be used.",
         consequence=(
-            "They take no part, and neither do tie points there. They stay in their tables."
+            "They take no part on the page, and neither do tie points there. They stay in their "
+            "tables. `run` refuses the project."
         ),
-        action="Copy the photo from the camera once more, and run again.",
+        action="Copy the photo from the camera once more, or take it out of `images`.",
         effect=Effect.AMBER,
         order=Order.LEFT_OUT,
         one="{frames} is damaged, so its picks take no part.",

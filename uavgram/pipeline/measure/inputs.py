@@ -213,7 +213,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         The project file, or its folder.
     unfinished
         Whether it may still lack picks, ties, lengths and measurements: missing files then count as
-        empty.
+        empty, and damaged photos are left out with their picks.
     unpicked
         Whether the table of picks may be empty.
 
@@ -246,7 +246,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     control = read_known_points(project.control) if project.control else NO_POINTS
     control_lines = _control_lines(project, known)
     check = read_known_points(project.check) if project.check else NO_POINTS
-    photos, photo_messages = read_photos(project.images, project.time)
+    photos, photo_messages = read_photos(project.images, project.time, leave_out=unfinished)
     unusable = {m.frames[0] for m in photo_messages if m.code == DAMAGED_PHOTO}
     unused_picks = tuple(i for i, image in enumerate(picks.image) if image in unusable)
     photo_messages += _report_unused(picks, unused_picks)
@@ -302,7 +302,7 @@ def _report_unused(picks: Picks, rows: Sequence[int]) -> tuple[Message, ...]:
             "warning",
             "picks-in-damaged-photo",
             f"{image} is damaged, so its picks ({', '.join(names)}) take no part. They stay in the "
-            "table, and are used again when the photo was copied from the camera once more.",
+            "table. Copy the photo from the camera once more: until then there is no report.",
             frames=(image,),
             labels=tuple(names),
         )
