@@ -231,6 +231,9 @@ def test_damaged_files_are_named_and_the_rest_can_be_used(home: Path, page: Page
     page.get_by_role("button", name="Open flight").first.click()
     expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
     expect(page.locator("#strip button")).to_have_count(1)
+    expect(page.locator("#light")).to_have_text("Not checked yet")
+    expect(page.locator("#first")).to_contain_text("P2.jpg is damaged")
+    expect(page.locator("p.why")).to_contain_text("P2.jpg: is cut off")  # as `run` refuses it
     page.get_by_role("tab", name="Photos").click()
     shown = page.get_by_role("tabpanel", name="Photos")
     expect(shown).to_contain_text("P2.jpg is damaged, so its picks (A) take no part")

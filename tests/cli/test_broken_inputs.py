@@ -153,6 +153,21 @@ def test_a_photo_that_is_cut_off_is_named_by_check_too(
     assert command("check", project.path).status == 1
 
 
+@pytest.mark.parametrize(
+    "words", [("match",), ("match", "--undo"), ("targets",), ("targets", "--undo"), ("ties",)]
+)
+def test_no_command_changes_picks_while_a_photo_is_damaged(
+    project: Project, command: Command, words: tuple[str, ...]
+) -> None:
+    photo = project / "photos" / "IMG_0003.jpg"
+    photo.write_bytes(photo.read_bytes()[:-200])
+    before = (project / "picks.csv").read_bytes()
+    done = command("picks", words[0], project.path, *words[1:])
+    assert (project / "picks.csv").read_bytes() == before
+    assert done.status == 1
+    assert f"{photo}: is cut off" in done.stderr
+
+
 def test_no_result_replaces_an_input(project: Project, fails: Fails) -> None:
     measure = project / "measure.csv"
     taken = measure.rename(project / "measurements.csv")

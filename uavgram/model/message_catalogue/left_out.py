@@ -56,8 +56,8 @@ EXCLUDED = (
             "A photo cannot be used: it is cut off, empty, or no photo. The message states which."
         ),
         consequence=(
-            "A new project does not use it. The page opens a project without it, but `run` and "
-            "`check` refuse one that names it."
+            "A new project does not use it. The page opens a project that names it, but measures "
+            "nothing there, and the commands refuse it."
         ),
         action="Copy it from the camera once more, or take it out of the folder.",
     ),

@@ -204,7 +204,9 @@ class Inputs:
         return tuple(self.folder / digest.path for digest in self.digests)
 
 
-def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False) -> Inputs:
+def read_inputs(
+    path: Path, *, unfinished: bool = False, unpicked: bool = False, leave_out: bool = False
+) -> Inputs:
     """Read and validate every input of a project; run nothing.
 
     Parameters
@@ -213,9 +215,11 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         The project file, or its folder.
     unfinished
         Whether it may still lack picks, ties, lengths and measurements: missing files then count as
-        empty, and damaged photos are left out with their picks.
+        empty.
     unpicked
         Whether the table of picks may be empty.
+    leave_out
+        Whether damaged photos are left out, with their picks; otherwise they are an error.
 
     Raises
     ------
@@ -246,7 +250,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     control = read_known_points(project.control) if project.control else NO_POINTS
     control_lines = _control_lines(project, known)
     check = read_known_points(project.check) if project.check else NO_POINTS
-    photos, photo_messages = read_photos(project.images, project.time, leave_out=unfinished)
+    photos, photo_messages = read_photos(project.images, project.time, leave_out=leave_out)
     unusable = {m.frames[0] for m in photo_messages if m.code == DAMAGED_PHOTO}
     unused_picks = tuple(i for i, image in enumerate(picks.image) if image in unusable)
     photo_messages += _report_unused(picks, unused_picks)

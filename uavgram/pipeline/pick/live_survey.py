@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.errors import UavgramError
+from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.measuring.predicted_pixels import (
     FlightOfPhotos,
     PredictedPixels,
@@ -127,11 +127,15 @@ class LiveSurvey:
     ----------
     inputs
         As read, with the initial picks, lengths and measurements of the session.
+    refused_because
+        Reason for which `uavgram run` refuses them, so that nothing is adjusted here either; empty
+        without any.
     """
 
     @with_one_blas_thread
-    def __init__(self, inputs: Inputs) -> None:
+    def __init__(self, inputs: Inputs, refused_because: str = "") -> None:
         self.inputs = inputs
+        self.refused_because = refused_because
         self.posed: PosedFrames | None = None
         self.unposed_because = ""
         try:
@@ -143,12 +147,17 @@ class LiveSurvey:
     def open(cls, project: Path) -> LiveSurvey:
         """Read a project that may lack picks, lengths and measurements.
 
+        Damaged photos are left out, and nothing is adjusted then.
+
         Raises
         ------
         UavgramError
             The project has another problem.
         """
-        return cls(read_inputs(project, unfinished=True))
+        try:
+            return cls(read_inputs(project, unfinished=True))
+        except InputError as why:
+            return cls(read_inputs(project, unfinished=True, leave_out=True), str(why))
 
     @with_one_blas_thread
     def adjust(self, observed: Observations) -> LiveAdjustment:
@@ -159,6 +168,8 @@ class LiveSurvey:
         UavgramError
             Nothing can be adjusted yet; the message names the missing inputs.
         """
+        if self.refused_because:
+            raise UavgramError(self.refused_because)
         if self.posed is None:
             raise UavgramError(self.unposed_because)
         if not observed.picks.image:
