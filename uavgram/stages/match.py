@@ -383,7 +383,7 @@ def find_raised_labels(evidence: HeightEvidence, odds: float = EVEN_ODDS) -> set
     return raised
 
 
-def shows_ground(evidence: HeightEvidence) -> bool:
+def shows_ground(evidence: HeightEvidence, odds: float = EVEN_ODDS) -> bool:
     """Return whether some of the labels taken for the ground are more likely on it than none.
 
     Their heights cannot show this, as the corners of one car may be a plane, too. But most photos
@@ -395,6 +395,8 @@ def shows_ground(evidence: HeightEvidence) -> bool:
     ----------
     evidence
         What the photos show; only searches count.
+    odds
+        Odds that a label is on the ground, before any photo is searched.
     """
     on_ground, behind = SHOWN
     is_found = np.isfinite(evidence.off_px).all(axis=1)
@@ -405,7 +407,9 @@ def shows_ground(evidence: HeightEvidence) -> bool:
     # Likelihoods of what the photos show, by share, relative to that of labels off the ground.
     any_ = np.logaddexp(np.log(SHARES)[:, None] + ratio, np.log1p(-SHARES)[:, None]).sum(axis=1)
     none = len(ratio) * np.log1p(-SHARES)
-    return bool(logsumexp(any_) - logsumexp(none) > np.log(2.0))  # without none, more than none
+    return bool(
+        logsumexp(any_) - logsumexp(none) > np.log(2.0 / odds)
+    )  # without none, more than none
 
 
 SHARES = (np.arange(100) + 0.5) / 100.0

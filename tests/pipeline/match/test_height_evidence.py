@@ -18,9 +18,9 @@ def test_a_second_search_knows_what_the_first_one_found(
 ) -> None:
     seen: list[HeightEvidence] = []
 
-    def kept(evidence: HeightEvidence) -> bool:
+    def kept(evidence: HeightEvidence, odds: float) -> bool:
         seen.append(evidence)
-        return shows_ground(evidence)
+        return shows_ground(evidence, odds)
 
     monkeypatch.setattr(search, "shows_ground", kept)
     project = write_textured(tmp_path)

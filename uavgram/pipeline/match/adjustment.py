@@ -16,6 +16,7 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.first_values import find_seen_labels
 from uavgram.estimation.reliability.redundancy import compute_reductions
+from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import (
     Adjustment,
     LeftOutCause,
@@ -34,6 +35,7 @@ from uavgram.stages.ground_consensus import UNKNOWN_SIGMA_M, find_ground_points
 from uavgram.stages.match import CONTRADICTED, REGION_SQUARED, Found, Pair
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import set_free_heights
+from uavgram.stages.refine.readjustment import readjust
 from uavgram.stages.refine.tie_outliers import remove_wrong_ties
 from uavgram.stages.refine.tied_frames import add_tied_frames
 
@@ -403,8 +405,7 @@ def find_unplaced(taking: Participants, blank: Collection[str]) -> frozenset[str
     if not unsure.any():
         return frozenset()
     try:
-        wide = replace(taking, survey=_set_unknown_heights(survey, unsure))
-        adjustment = find_best_minima(wide).adjustment
+        adjustment = _adjust_heights(taking, unsure)
     except GeometryError:
         return frozenset()
     labels = adjustment.label_rows([survey.label[k] for k in np.flatnonzero(unsure)])
@@ -419,6 +420,30 @@ def find_unplaced(taking: Participants, blank: Collection[str]) -> frozenset[str
     uneven = [max(ground.roughness_sigma_m, UNEVEN_M) for ground in survey.grounds]
     on_ground = find_ground_points(height, spread, np.array(uneven)[survey.area[unsure]])
     return frozenset(survey.label[k] for k in np.flatnonzero(unsure)[~on_ground])
+
+
+def _adjust_heights(taking: Participants, unsure: Bools) -> Adjustment:
+    """Adjust with unknown heights of some labels (K,), from the ground where that fits better.
+
+    With many unknown heights, first values may lead to a minimum far from all points.
+
+    Raises
+    ------
+    GeometryError
+        The other observations do not determine the survey.
+    """
+    wide = find_best_minima(replace(taking, survey=_set_unknown_heights(taking.survey, unsure)))
+    best = wide.adjustment
+    with suppress(GeometryError, SingularError):
+        flat = find_best_minima(taking)
+        names = [taking.survey.label[k] for k in np.flatnonzero(unsure)]
+        rows = np.isin(flat.adjustment.survey.label, names)
+        raised = _set_unknown_heights(flat.adjustment.survey, rows)
+        other = readjust(flat.adjustment, raised)
+        is_same = np.array_equal(flat.pick_index, wide.pick_index)
+        if is_same and other.minimum.converged and other.minimum.cost < best.minimum.cost:
+            return other
+    return best
 
 
 def _set_unknown_heights(survey: Survey, labels: Bools) -> Survey:

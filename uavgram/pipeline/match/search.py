@@ -134,7 +134,7 @@ def search_all_photos(
     evidence = collect_height_evidence(
         adjustment, base.inputs.picks, _candidates(base, adjustment), record, sigma_px
     )
-    if not (_knows_ground(base, adjustment) or shows_ground(evidence)):
+    if not (_knows_ground(base, adjustment) or shows_ground(evidence, on_ground)):
         blank = find_blank_labels(base.inputs.picks)
         unsure |= {pair: GROUNDLESS for pair in record.found if pair[1] in blank}
     return Search(record.without(unsure), adjustment, unplaced)
