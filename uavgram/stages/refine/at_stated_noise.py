@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
+from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import CONTRADICTING, PRICE, Diagnosis
 from uavgram.stages.refine.causes.identification import (
     SURE_LOG_ODDS,
@@ -83,7 +85,7 @@ def adjust_at_stated_noise(
     survey, refined, unseen = free_unchecked_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
-    # Errors common to all readings instead, where they explain more than these causes do.
+    # Take errors common to all readings instead, where they explain more than these causes.
     common = _find_common_errors(taking, robust, found)
     if common is not None:
         found = common
@@ -105,16 +107,17 @@ def adjust_at_stated_noise(
     # Free the priors that the causes prove wrong; without a result, the one so far remains.
     if options.noise == "estimate" and any(found.freed):
         known_less, accounted = _free_wrong_priors(given if common else survey, found)
-        # A trial of all readings with these priors is their ordinary adjustment.
-        is_whole = common is not None and all(one.mend is None for one in causes)
-        again = _adjust_again(known_less, keep, reason, found.refined if is_whole else None)
+        again = _adjust_again(known_less, keep, reason)
         if again is not None:
+            survey, refined, causes = again.survey, again.refined, accounted
             if common:  # what seemed to be gross errors may be none
-                off_ground, left_out, unseen = [], [], ()
-            causes = accounted
+                off_ground, left_out = [], []
+                survey, refined, unseen = free_unchecked_heights(
+                    survey, refined, [*again.labels, *shown]
+                )
             left_out += again.messages(known_less)
             off_ground = sorted({*off_ground, *again.labels})
-            survey, refined = again.survey, replace(again.refined, pick_removed=removed)
+            refined = replace(refined, pick_removed=removed)
     return StatedNoiseAdjustment(given, survey, refined, off_ground, causes, (*left_out, *unseen))
 
 
@@ -138,9 +141,12 @@ def _find_common_errors(
     -------
     The causes; None if there are none, or if gross errors are nearly as likely.
     """
-    # A single mistake needs no other cause where the rest fits.
+    # Where the rest fits, a single mistake in readings needs no other cause. Beside one, the poses
+    # of the log may be strained, as by a wrong one that was left out.
     accusing = [one for one in found.causes if one.settles]
-    if found.fits and found.left_out + len(accusing) + robust.count_others() <= 1:
+    wrong = found.left_out + len(accusing) + robust.count_others()
+    core = compute_core_fit(robust.refined.adjustment).probability
+    if wrong <= 1 and (found.fits or (wrong and core >= MISFIT_PROBABILITY)):
         return None
     plain = adjust_on_trial(taking, FULL)
     if plain is None:
@@ -177,6 +183,8 @@ def _are_all_left_out(given: Survey, robust: Robust, found: IdentifiedCauses) ->
     accused = {name for one in causes for name in one.settles}
     shifted = {name for one in causes if not one.settles for name in one.message.labels}
     count = diagnosis.count_readings() + robust.count_others()
+    if not all(one.settles or one.message.labels for one in causes):
+        return False
     return (accused, shifted) == (lines, control) and 0 < count == len(lines) + len(control)
 
 
@@ -228,9 +236,7 @@ def _free_wrong_priors(survey: Survey, found: IdentifiedCauses) -> tuple[Survey,
     return known_less, tuple(causes)
 
 
-def _adjust_again(
-    survey: Survey, keep: Bools, reason: dict[int, LeftOut], plain: Refined | None
-) -> Robust | None:
+def _adjust_again(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Robust | None:
     """Adjust robustly once more; None where that has no result.
 
     Parameters
@@ -239,12 +245,10 @@ def _adjust_again(
         The survey with less prior knowledge.
     keep, reason
         (P,) picks that may take part, and the reasons why others do not.
-    plain
-        Its ordinary adjustment, where it is known.
     """
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     try:
-        after = adjust_robustly(Participants(survey, keep, none, reason), plain)
+        after = adjust_robustly(Participants(survey, keep, none, reason))
     except GeometryError:
         return None
     return after if after.refined.adjustment.minimum.converged else None

@@ -169,7 +169,7 @@ class Robust:
         return heights + known + len(self.control) + len(self.contradicting)
 
     def count_numbers(self) -> int:
-        """Count their numbers: two each of a control point, or of a contradicting pick."""
+        """Count the numbers of these: two of a control point, or of a label that contradicts."""
         return self.count_others() + len(self.control) + len(self.contradicting)
 
     def messages(self, survey: Survey) -> Iterator[Message]:

@@ -118,7 +118,8 @@ def readjust_corrected(
 
     It begins from first values instead where the present state is of no use: it did not converge or
     is distorted by misfits, the hypothesis changes everything, poses of the log take part again, or
-    ties have other points. A hypothesis that begins at a state of its own does not need them.
+    ties have other points. Misfits and poses are no reason for a hypothesis that begins at a state
+    of its own, or that gives up a prior where the whole log was left out.
 
     Parameters
     ----------
@@ -137,8 +138,14 @@ def readjust_corrected(
     is_bent = compute_core_fit(present).probability < MIN_FIT_PROBABILITY
     # A photo whose pose by the log takes part again may be far from it.
     is_far = taking.pose_widened.keys() != diagnosis.refined.pose_widened.keys()
-    is_unsuitable = (is_bent or is_far) and hypothesis.begun is None
-    if is_unsuitable or not present.minimum.converged or _has_ties(selection):
+    # Without a log that is wrong as a whole, the present state is better than first values by it.
+    is_without_log = diagnosis.refined.is_log_left_out and hypothesis.freed is not None
+    is_suitable = hypothesis.begun is not None or is_without_log
+    if (
+        (not is_suitable and (is_bent or is_far))
+        or not present.minimum.converged
+        or _has_ties(selection)
+    ):
         return adjust_on_trial(taking, QUICK_TRIAL)
     start = _initial_state(diagnosis, selection)
     if start is None:

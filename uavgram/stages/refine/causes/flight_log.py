@@ -6,7 +6,7 @@ than its sigma explains, it is reported, and freed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -16,7 +16,6 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import HypothesisTest, ObservationChange
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
-from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.motion.camera_motion import CLOCK, HEADING_BIAS, POSITION_BIAS
 from uavgram.geometry.motion.interpolation import SmoothPositions
 from uavgram.geometry.motion.rotation import matrix_from_ypr
@@ -58,19 +57,10 @@ def propose_wrong_clock(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             message=_clock_message,
             moved=() if shift_s else (prior_derivative(diagnosis.adjustment, kind="clock"),),
             settled=partial(_clock, prior),
-            begun=_begin_without_log(diagnosis),
             freed=partial(_with_clock, shift_s),
             promise=promise if shift_s else 0.0,
             price=widening_price(1, USUAL_S, prior.clock_sigma_s),
         )
-
-
-def _begin_without_log(diagnosis: Diagnosis) -> Callable[[State], State] | None:
-    """Return the function that begins at the present state where the log was left out as a whole.
-
-    The rest determines that state; first values would come from the log that is wrong.
-    """
-    return (lambda state: state) if diagnosis.refined.is_log_left_out else None
 
 
 def _find_best_clock(diagnosis: Diagnosis, prior: TelemetryPrior) -> tuple[float, float]:
@@ -272,7 +262,6 @@ def propose_turned_camera(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         message=_camera_message,
         moved=(prior_derivative(diagnosis.adjustment, kind="boresight"),),
         settled=partial(_of_flight, kind="boresight"),
-        begun=_begin_without_log(diagnosis),
         freed=partial(_with_prior, boresight_sigma_rad=ROTATION_SIGMA_RAD),
         is_of_all=not diagnosis.refined.is_log_left_out,
         price=known + widening_price(3, USUAL_RAD, prior.boresight_sigma_rad),

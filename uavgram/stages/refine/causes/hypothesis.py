@@ -85,7 +85,10 @@ class Diagnosis(NamedTuple):
         return int(2 * self.spoilt.sum() + self.refined.line_removed.sum()) + poses
 
     def count_readings(self) -> int:
-        """Count what was left out because it contradicts the rest: a photo with its pose once."""
+        """Count what was left out because it contradicts the rest.
+
+        A misplaced photo and its pose count once.
+        """
         refined, frame = self.refined, self.survey.pick_frame
         gross = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
         misplaced = {

@@ -17,7 +17,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.message import Message
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.common_length_errors import (
@@ -146,8 +145,6 @@ class IdentifiedCauses(NamedTuple):
         Whether the corrected survey fits.
     left_out
         Number of its readings that were left out because they contradict the rest.
-    refined
-        Its adjustment; None where a cause has a rival.
     """
 
     causes: tuple[Cause, ...]
@@ -157,7 +154,6 @@ class IdentifiedCauses(NamedTuple):
     cost: float = np.inf
     fits: bool = False
     left_out: int = 0
-    refined: Refined | None = None
 
 
 def identify_common_errors(diagnosis: Diagnosis) -> IdentifiedCauses:
@@ -193,14 +189,13 @@ def _identify_in_turn(
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     wrong, right = frozenset[int](), frozenset[int]()
-    stated, price, is_rivalled = diagnosis, 0.0, False
+    stated, price = diagnosis, 0.0
     for _ in range(most):
         is_asked = needs_cause(diagnosis) or _are_taped_level(diagnosis)
         found = _find_likeliest(diagnosis, hypotheses) if is_asked else None
         if found is None:
             break
         best, rival = found
-        is_rivalled |= rival is not None
         price += 2.0 * best.hypothesis.price - (0.0 if best.after else best.gain)
         if best.hypothesis.message is not None:
             causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
@@ -220,7 +215,6 @@ def _identify_in_turn(
         cost=cost,
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
-        refined=None if is_rivalled else diagnosis.refined,
     )
 
 

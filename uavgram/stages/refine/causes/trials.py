@@ -160,10 +160,9 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
     refined = readjust_corrected(diagnosis, taking, hypothesis)
-    # An unknown that is far from its prior, and explains the misfit, needs more iterations.
+    # A correction that explains the misfit, but leads far away, needs more iterations.
     if (
         refined is not None
-        and hypothesis.freed is not None
         and not refined.adjustment.minimum.converged
         and Diagnosis(taking, refined).cost < ENOUGH * diagnosis.cost
     ):
