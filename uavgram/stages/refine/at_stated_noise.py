@@ -146,7 +146,8 @@ def _find_common_errors(
     accusing = [one for one in found.causes if one.settles]
     wrong = found.left_out + len(accusing) + robust.count_others()
     core = compute_core_fit(robust.refined.adjustment).probability
-    if wrong <= 1 and (found.fits or (wrong and core >= MISFIT_PROBABILITY)):
+    fits = found.fits or (wrong == 1 and core >= MISFIT_PROBABILITY)
+    if wrong <= 1 and fits and not robust.refined.is_log_left_out:
         return None
     plain = adjust_on_trial(taking, FULL)
     if plain is None:
