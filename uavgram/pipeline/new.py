@@ -9,7 +9,7 @@ import errno
 import glob
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Literal
 
 from uavgram.config.project_text import ProjectText, project_text
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.input_files import describe_files
+from uavgram.input_files import UnusableFile, describe_files
 from uavgram.io.files import find_matching_files
 from uavgram.io.folders import FolderContents, PhotoGroup, TableRole, group_photos, search_folder
 from uavgram.io.outputs import replace_text
@@ -252,28 +252,19 @@ def report_unusable(folder: Path, holdings: FolderContents) -> tuple[Message, ..
     holdings
         Its content.
     """
-    tables = tuple(
-        Message(
-            "warning",
-            "table-unusable",
-            f"The table {name} is not used, as it {reason}.",
-            files=(name,),
-        )
-        for path, reason in holdings.unusable_texts
-        for name in (_relative(folder, path),)
-    )
+
+    def report(code: str, files: Iterable[UnusableFile], what: str, then: str) -> Iterator[Message]:
+        for path, reason in files:
+            name = _relative(folder, path)
+            text = f"The {what} {name} is not used, as it {reason}.{then}"
+            yield Message("warning", code, text, files=(name,))
+
     instead = "" if holdings.logs else f" {WITHOUT_LOG}"
-    logs = tuple(
-        Message(
-            "warning",
-            "log-unusable",
-            f"The flight log {name} is not used, as it {reason}.{instead}",
-            files=(name,),
-        )
-        for path, reason in holdings.unusable_logs
-        for name in (_relative(folder, path),)
+    return (
+        *report("log-unusable", holdings.unusable_logs, "flight log", instead),
+        *report_unusable_photos(holdings.unusable_photos),
+        *report("table-unusable", holdings.unusable_texts, "table", ""),
     )
-    return (*logs, *report_unusable_photos(holdings.unusable_photos), *tables)
 
 
 def choose_camera(

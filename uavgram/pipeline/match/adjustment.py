@@ -336,7 +336,7 @@ def _mark_unclear(survey: Survey, sound: Bools) -> Bools:
 
 
 def _mark_measured(survey: Survey) -> Bools:
-    """Mark labels (K,) of known coordinates, or of which a length or another quantity is known."""
+    """Mark labels (K,) of control points, and those of known lengths or other quantities."""
     known = [one.label for one in survey.known]
     some = np.concatenate([survey.control_label, survey.line_start, survey.line_end, *known])
     return np.isin(np.arange(len(survey.label)), some)

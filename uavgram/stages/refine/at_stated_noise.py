@@ -177,6 +177,8 @@ def _are_all_left_out(given: Survey, robust: Robust, found: IdentifiedCauses) ->
     The causes accuse lengths by name, or all control points.
     """
     refined, causes = robust.refined, found.causes
+    if not all(one.settles or one.message.labels for one in causes):
+        return False
     diagnosis = Diagnosis(find_participants(robust.survey, refined), refined)
     names = given.line_name or ("",) * len(given.line_start)
     lines = {names[k] for k in np.flatnonzero(refined.line_removed)}
@@ -184,8 +186,6 @@ def _are_all_left_out(given: Survey, robust: Robust, found: IdentifiedCauses) ->
     accused = {name for one in causes for name in one.settles}
     shifted = {name for one in causes if not one.settles for name in one.message.labels}
     count = diagnosis.count_readings() + robust.count_others()
-    if not all(one.settles or one.message.labels for one in causes):
-        return False
     return (accused, shifted) == (lines, control) and 0 < count == len(lines) + len(control)
 
 

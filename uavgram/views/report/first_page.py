@@ -159,12 +159,12 @@ def _limits(result: Result) -> list[str]:
             if alone
         ],
     }
-    told = [
+    sentences = [
         f"{words}: {_listed_or_all(names, rows.name)}." for words, names in several.items() if names
     ]
     checks = checks_summary(result)
     if checks is None:
         none = "No length and no point was withheld for a comparison with the result"
         alone = ": the only check is the agreement of the observations with one another"
-        return [*told, f"{none}{alone if 'ok' in rows.status else ''}."]
-    return [*told, f"Of the lengths and points that were withheld as checks, {checks.inside}"]
+        return [*sentences, f"{none}{alone if 'ok' in rows.status else ''}."]
+    return [*sentences, f"Of the lengths and points that were withheld as checks, {checks.inside}"]
