@@ -21,7 +21,7 @@ from picking_projects import PickingProject
 from picking_server import served
 from playwright.sync_api import Locator, Page, expect
 
-from uavgram.io.tables.measure import POINT_COUNTS
+from uavgram.model.observations import MEASUREMENT_FORMS
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
@@ -59,7 +59,7 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(
         titles = {
             tool.get_attribute("data-tool"): tool.get_attribute("title") for tool in tools.all()
         }
-        assert set(titles) == set(POINT_COUNTS) | WITHOUT_NUMBERS
+        assert set(titles) == set(MEASUREMENT_FORMS) | WITHOUT_NUMBERS
         keys = {kind: key_in(title) for kind, title in titles.items()}
         assert len(set(keys.values())) == len(keys)
         for kind, key in keys.items():

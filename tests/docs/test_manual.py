@@ -28,8 +28,9 @@ from uavgram.io.tables.known import (
     read_known_points,
     read_lines,
 )
-from uavgram.io.tables.measure import MEASURE_COLUMNS, POINT_COUNTS, read_measure
+from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
 from uavgram.io.tables.picks import PICKS_COLUMNS, TIES_COLUMNS, read_picks, read_ties
+from uavgram.model.observations import MEASUREMENT_FORMS
 from uavgram.model.options import Project
 
 LANGUAGES = {"sh", "python", "csv", "yaml", "text"}
@@ -187,7 +188,7 @@ def test_every_column_of_a_table_has_an_entry() -> None:
                 for word in re.findall(r"`(\w+)`", row)}  # fmt: skip
         assert set(columns.known) - rows == set(), anchor
     kinds = set(re.findall(r"`(\w+)`", text))
-    assert set(POINT_COUNTS) <= kinds
+    assert set(MEASUREMENT_FORMS) <= kinds
 
 
 def keys_in(schema: Any, node: Any, path: str = "") -> Iterator[str]:  # noqa: ANN401  (JSON)

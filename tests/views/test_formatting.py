@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 import synthetic_survey as survey
 
-from uavgram.estimation.measuring.propagation import UNITS
-from uavgram.io.tables.measure import POINT_COUNTS
-from uavgram.model.observations import MeasurementKind
+from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind
 from uavgram.views.formatting import (
-    KIND_WORDS,
     UNIT_WORDS,
     chance,
     decimals_for,
@@ -71,10 +68,10 @@ def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it() -> 
     assert order[-1] == "skid left"  # 21 mm of 40 m
 
 
-def test_every_kind_of_measurement_has_words_and_a_number_of_points() -> None:
+def test_every_kind_of_measurement_has_its_properties_and_a_unit_with_words() -> None:
     kinds = {*get_args(MeasurementKind)}
-    assert {*KIND_WORDS} == kinds == {*POINT_COUNTS}
-    assert {*UNITS.values()} < {*UNIT_WORDS}
+    assert {*MEASUREMENT_FORMS} == kinds
+    assert {form.unit for form in MEASUREMENT_FORMS.values()} == {*UNIT_WORDS}
 
 
 def test_a_coordinate_near_zero_is_not_the_worst_for_being_small() -> None:

@@ -254,6 +254,57 @@ MeasurementKind = Literal[
 ]
 
 
+@dataclass(frozen=True)
+class MeasurementForm:
+    """Properties of a kind of measurement, beside its formula.
+
+    Attributes
+    ----------
+    words
+        Name for people.
+    points
+        Smallest and largest number of points; None: any number.
+    unit
+        Unit of its values.
+    parameters, optional
+        Names of its required and optional parameters.
+    is_signed
+        Whether it is a length whose value, if near zero, is no measure of its accuracy.
+    may_return
+        Whether a point may occur twice, though not twice in a row.
+    """
+
+    words: str
+    points: tuple[int, int | None]
+    unit: str = "m"
+    parameters: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    is_signed: bool = False
+    may_return: bool = False
+
+
+MEASUREMENT_FORMS: dict[MeasurementKind, MeasurementForm] = {
+    "distance": MeasurementForm("distance", (2, 2)),
+    "polyline": MeasurementForm("length along", (2, None), may_return=True),
+    "area": MeasurementForm("area", (3, None), "m2"),
+    "angle": MeasurementForm("angle", (3, 3), "deg"),
+    "line_distance": MeasurementForm("distance from line", (3, 3)),
+    "coordinate": MeasurementForm("coordinate", (1, 1), is_signed=True),
+    "skid_speed": MeasurementForm(
+        "speed from skid", (2, None), "m/s", parameters=("mu", "mu_sigma"), may_return=True
+    ),
+    "speed": MeasurementForm("speed", (2, 2), "m/s"),
+    "height": MeasurementForm("height", (1, 2), is_signed=True),
+    "horizontal_distance": MeasurementForm("level distance", (2, 2)),
+    "vertical_distance": MeasurementForm("difference in height", (2, 2), is_signed=True),
+    "slope": MeasurementForm("slope", (2, 2), "deg"),
+    "plane_distance": MeasurementForm("distance from plane", (4, 4), is_signed=True),
+    "volume": MeasurementForm("volume", (3, None), "m3", optional=("top", "level", "plane")),
+    "profile": MeasurementForm("profile: its length", (2, None)),
+}
+"""Properties of each kind of measurement."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MeasurementRequest:
     """Requested measurement.

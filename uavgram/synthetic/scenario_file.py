@@ -10,9 +10,9 @@ from uavgram.config.strict_yaml import Document, Plain, format_key_path, read_ya
 from uavgram.config.validation import validate
 from uavgram.errors import InputError, near_miss
 from uavgram.io.cameras import read_drone_cameras
-from uavgram.io.tables.measure import PARAMETERS, points_fault
+from uavgram.io.tables.measure import points_fault
 from uavgram.model.camera import ORDINARY_EQUIVALENTS_MM, Calibration, CameraTags, DroneCamera
-from uavgram.model.observations import MeasurementRequest
+from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementRequest
 from uavgram.pipeline.cameras import assume_drone_camera, read_camera
 from uavgram.stages.camera import assume_camera, find_camera
 from uavgram.synthetic.errors import LOST_EXPOSURE_INDEX, USUAL_SECTIONS
@@ -157,7 +157,7 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
 def explain_impossible(asked: MeasurementRequest) -> str:
     """Return why a measurement is impossible with its points and parameters, or empty."""
     given = dict(asked.parameters)
-    missing = [one for one in PARAMETERS.get(asked.kind, ()) if one not in given]
+    missing = [one for one in MEASUREMENT_FORMS[asked.kind].parameters if one not in given]
     fault = points_fault(asked) or (missing and f"needs {' and '.join(missing)}")
     return f"{asked.name!r}: {fault}" if fault else ""
 

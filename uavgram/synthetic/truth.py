@@ -17,7 +17,7 @@ from uavgram.geometry.ground.figures import squares_on_plane
 from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera import Calibration
-from uavgram.model.observations import MeasurementRequest
+from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementRequest
 from uavgram.stages.plates import OWN_SIGMA_SHARE
 from uavgram.synthetic.flight import (
     FlightBiases,
@@ -160,10 +160,6 @@ def _plate_corners(scenario: Scenario, surface: Surface, rng: np.random.Generato
     return np.asarray((corners + own * rng.standard_normal(corners.shape)).reshape(-1, 3))
 
 
-UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "slope": "deg", "volume": "m3"}
-"""Units of the kinds that are not lengths [m]."""
-
-
 def compute_true_values(
     requests: Sequence[MeasurementRequest], row: Mapping[str, int], points_world_m: Floats
 ) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
@@ -190,7 +186,7 @@ def compute_true_values(
         elif request.kind != "speed":
             names.append(request.name)
             values.append(_value(request, at))
-            units.append(UNITS.get(request.kind, "m"))
+            units.append(MEASUREMENT_FORMS[request.kind].unit)
     return tuple(names), np.array(values), tuple(units)
 
 

@@ -12,6 +12,7 @@ from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.naming import METRIC, Units
+from uavgram.model.observations import MEASUREMENT_FORMS
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, MeasurementResults
 from uavgram.views import units as shown_units
@@ -31,28 +32,10 @@ MIN_SHIFT = 1e-4
 
 UNIT_WORDS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
 
-KIND_WORDS = {
-    "distance": "distance",
-    "polyline": "length along",
-    "area": "area",
-    "angle": "angle",
-    "line_distance": "distance from line",
-    "coordinate": "coordinate",
-    "skid_speed": "speed from skid",
-    "speed": "speed",
-    "height": "height",
-    "horizontal_distance": "level distance",
-    "vertical_distance": "difference in height",
-    "slope": "slope",
-    "plane_distance": "distance from plane",
-    "volume": "volume",
-    "profile": "profile: its length",
-}
+KIND_WORDS = {str(name): form.words for name, form in MEASUREMENT_FORMS.items()}
+KNOWN_WORDS = {name: kind.shown for name, kind in ALL_KINDS.items() if kind.shown}
 
-KNOWN_WORDS = KIND_WORDS | {name: kind.shown for name, kind in ALL_KINDS.items() if kind.shown}
-
-SIGNED_KINDS = frozenset({"coordinate", "height", "vertical_distance", "plane_distance"})
-"""Kinds in metres whose value, if near zero, is no measure of their accuracy."""
+SIGNED_KINDS = frozenset(name for name, form in MEASUREMENT_FORMS.items() if form.is_signed)
 
 LINE_STATUS_WORDS = {
     "used": "used",

@@ -21,9 +21,8 @@ from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.io.exports.dxf import write_local_dxf
 from uavgram.io.exports.gis import write_geopackage, write_qgis_project
 from uavgram.io.exports.web_maps import dump_geojson, write_geojson, write_kml
-from uavgram.io.tables.measure import POINT_COUNTS
 from uavgram.model.maps import Features, Layer, LayerStyle
-from uavgram.model.observations import MeasurementKind
+from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 
@@ -130,7 +129,7 @@ def test_every_kind_has_a_shape(sample_result: Result) -> None:
     rows = sample_result.measurements
     kinds: tuple[MeasurementKind, ...] = get_args(MeasurementKind)
     for kind in kinds:
-        count = POINT_COUNTS[kind][0]
+        count = MEASUREMENT_FORMS[kind].points[0]
         measured = replace(
             rows,
             kind=(kind,) * len(rows.name),

@@ -23,21 +23,11 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Frames
-from uavgram.model.observations import MeasurementRequest
+from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementRequest
 from uavgram.model.survey import Survey
 
 MIN_DERIVATIVE_SHARE = 1e-12
 """Share of its parts below which a derivative is only their rounding error."""
-
-UNITS = {
-    "area": "m2",
-    "angle": "deg",
-    "skid_speed": "m/s",
-    "speed": "m/s",
-    "slope": "deg",
-    "volume": "m3",
-}
-"""Units of the kinds that are not lengths [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +64,7 @@ class MeasuredValues:
     @property
     def unit(self) -> tuple[str, ...]:
         """(M,) units of the values."""
-        return tuple(UNITS.get(row.request.kind, "m") for row in self.rows)
+        return tuple(MEASUREMENT_FORMS[row.request.kind].unit for row in self.rows)
 
     @property
     def value(self) -> Floats:

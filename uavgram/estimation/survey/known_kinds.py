@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -27,7 +27,13 @@ from uavgram.geometry.ground.conditions import (
 )
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.limits import length_fault, number_fault
-from uavgram.model.observations import ON_LINE, KnownThing, KnownThings, MeasurementKind
+from uavgram.model.observations import (
+    MEASUREMENT_FORMS,
+    ON_LINE,
+    KnownThing,
+    KnownThings,
+    MeasurementKind,
+)
 from uavgram.model.survey import Survey
 
 Needs = Literal["nothing", "height", "relief", "tilt", "world"]
@@ -97,8 +103,7 @@ class KnownKind:
     words, shown
         Name in a sentence, and in the table of the report; empty: `name`.
     points
-        Smallest and largest number of points; None: any number. Kinds of measurement have theirs in
-        the table of measurements.
+        Smallest and largest number of points; None: any number.
     unit
         Unit of value and sigma.
     has_value
@@ -194,6 +199,13 @@ class MeasuredKind(KnownKind):
     limits: tuple[float, float] = (-np.inf, np.inf)
     limits_words: str = ""
 
+    @classmethod
+    def of(cls, name: MeasurementKind, **own: Any) -> MeasuredKind:  # noqa: ANN401  (its fields)
+        """Return the kind of known thing of a kind of measurement."""
+        form = MEASUREMENT_FORMS[name]
+        alike = {"shown": form.words, "points": form.points, "unit": form.unit}
+        return cls(name, **alike, parameters=form.optional, **own)  # type: ignore[arg-type]
+
     def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute the measured values minus the known ones.
 
@@ -266,29 +278,27 @@ class LineDistance(MeasuredKind):
 
 
 MEASURED = (
-    MeasuredKind("distance", is_positive=True),
-    MeasuredKind("polyline", "length along points", is_positive=True),
-    MeasuredKind("area", unit="m2", is_positive=True),
-    MeasuredKind(
+    MeasuredKind.of("distance", is_positive=True),
+    MeasuredKind.of("polyline", words="length along points", is_positive=True),
+    MeasuredKind.of("area", is_positive=True),
+    MeasuredKind.of(
         "angle",
-        unit="deg",
         limits=(0.0, 180.0),
         limits_words="must lie between 0 and 180 degrees; for points in line use kind collinear",
     ),
-    LineDistance("line_distance", "distance from a line"),
-    MeasuredKind("height", needs="tilt", is_directed=True),
-    MeasuredKind("horizontal_distance", is_positive=True),
-    MeasuredKind("vertical_distance", needs="tilt", is_directed=True),
-    MeasuredKind(
+    LineDistance.of("line_distance", words="distance from a line"),
+    MeasuredKind.of("height", needs="tilt", is_directed=True),
+    MeasuredKind.of("horizontal_distance", is_positive=True),
+    MeasuredKind.of("vertical_distance", needs="tilt", is_directed=True),
+    MeasuredKind.of(
         "slope",
-        unit="deg",
         needs="tilt",
         is_directed=True,
         limits=(-90.0, 90.0),
         limits_words="must lie between -90 and 90 degrees",
     ),
-    MeasuredKind("plane_distance", needs="relief"),
-    MeasuredKind("volume", unit="m3", parameters=("top", "level", "plane")),
+    MeasuredKind.of("plane_distance", needs="relief"),
+    MeasuredKind.of("volume"),
 )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from uavgram.geometry.motion.rotation import lengths_of
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.observations import MeasurementKind
+from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind
 
 Measured = tuple[float, Floats]
 
@@ -539,7 +539,7 @@ def measure_shape(
     value, gradient = _SHAPES[kind](points)
     if not np.isfinite(value):
         raise UnmeasurableError(_UNDEFINED_BECAUSE.get(kind, _IN_LINE))
-    if kind in {"angle", "slope"}:
+    if MEASUREMENT_FORMS[kind].unit == "deg":
         return float(np.rad2deg(value)), np.rad2deg(gradient)
     return value, gradient
 

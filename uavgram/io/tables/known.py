@@ -10,9 +10,10 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
-from uavgram.io.tables.measure import POINT_COUNTS, read_parameters, read_points, request_fault
+from uavgram.io.tables.measure import read_parameters, read_points, request_fault
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import (
+    MEASUREMENT_FORMS,
     NOT_KNOWN,
     ON_LINE,
     STRAIGHTNESS_M,
@@ -140,11 +141,6 @@ KNOWN_COLUMNS = Columns(
 )
 
 
-_COUNTS = {name: kind.points for name, kind in KNOWN_KINDS.items()} | {
-    str(kind): count for kind, count in POINT_COUNTS.items()
-}
-
-
 def read_known(path: str | Path) -> KnownThings:
     """Read known values of the scene.
 
@@ -191,9 +187,9 @@ def _unknown(kind: str) -> str:
 def _points(
     table: Table, row: int, kind: str, parameters: tuple[tuple[str, float], ...]
 ) -> tuple[str, ...]:
-    least, most = _COUNTS[kind]
+    least, most = KNOWN_KINDS[kind].points
     points = read_points(table, row, kind, (least, most))
-    if kind in POINT_COUNTS and points:
+    if kind in MEASUREMENT_FORMS and points:
         request = MeasurementRequest(name="", kind=kind, points=points, parameters=parameters)
         if fault := request_fault(request):
             table.add_fault(row, fault)

@@ -9,35 +9,11 @@ from typing import get_args
 from uavgram.errors import near_miss
 from uavgram.io.tables.csv_tables import Columns, Table, number_hint, parse_number, read_table
 from uavgram.model.limits import name_fault
-from uavgram.model.observations import MeasurementKind, MeasurementRequest
+from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind, MeasurementRequest
 
 MEASURE_COLUMNS = Columns(
     text=("name", "kind", "points"), optional_text=("parameters", "note"), others=True
 )
-
-# Least and greatest number of points; None: any number.
-POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
-    "distance": (2, 2),
-    "polyline": (2, None),
-    "area": (3, None),
-    "angle": (3, 3),
-    "line_distance": (3, 3),
-    "coordinate": (1, 1),
-    "skid_speed": (2, None),
-    "speed": (2, 2),
-    "height": (1, 2),
-    "horizontal_distance": (2, 2),
-    "vertical_distance": (2, 2),
-    "slope": (2, 2),
-    "plane_distance": (4, 4),
-    "volume": (3, None),
-    "profile": (2, None),
-}
-REPEATED_POINT_KINDS: frozenset[MeasurementKind] = frozenset({"polyline", "skid_speed"})
-"""Kinds in which a point may occur twice, though not twice in a row."""
-
-PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"skid_speed": ("mu", "mu_sigma")}
-OPTIONAL_PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"volume": ("top", "level", "plane")}
 
 
 def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
@@ -54,19 +30,18 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
     table.require_unique("name", "measurement")
     requests = []
     for row, kind in enumerate(table.text["kind"]):
-        if kind not in POINT_COUNTS:
+        if kind not in MEASUREMENT_FORMS:
             if kind:
                 known = get_args(MeasurementKind)
                 hint = near_miss(kind, known) or f"known are {', '.join(known)}"
                 table.add_fault(row, f"unknown kind {kind!r}: {hint}")
             continue
+        form = MEASUREMENT_FORMS[kind]
         request = MeasurementRequest(
             name=table.text["name"][row],
             kind=kind,
-            points=read_points(table, row, kind, POINT_COUNTS[kind]),
-            parameters=read_parameters(
-                table, row, kind, PARAMETERS.get(kind, ()), OPTIONAL_PARAMETERS.get(kind, ())
-            ),
+            points=read_points(table, row, kind, form.points),
+            parameters=read_parameters(table, row, kind, form.parameters, form.optional),
         )
         if fault := request_fault(request):
             table.add_fault(row, fault)
@@ -96,11 +71,12 @@ def format_point_count(least: int, most: int | None) -> str:
 def points_fault(request: MeasurementRequest) -> str:
     """Explain why the labels or parameters of a measurement are invalid; empty if valid."""
     kind, points = request.kind, request.points
-    least, most = POINT_COUNTS[kind]
+    form = MEASUREMENT_FORMS[kind]
+    least, most = form.points
     if len(points) < least or (most is not None and len(points) > most):
         return f"a measurement of kind {kind} needs {format_point_count(least, most)} labels"
     twice = any(a == b for a, b in itertools.pairwise(points))
-    if twice or (kind not in REPEATED_POINT_KINDS and len(set(points)) < len(points)):
+    if twice or (not form.may_return and len(set(points)) < len(points)):
         return f"a measurement of kind {kind} needs different labels"
     return request_fault(request)
 
@@ -108,7 +84,7 @@ def points_fault(request: MeasurementRequest) -> str:
 def request_fault(request: MeasurementRequest) -> str:
     """Explain why a request's parameters do not fit each other or its points; empty if they do."""
     given = dict(request.parameters)
-    if request.kind != "volume" or len(request.points) < POINT_COUNTS["volume"][0]:
+    if request.kind != "volume" or len(request.points) < 3:
         return ""
     if {"level", "plane"} <= given.keys():
         return "a volume is over a level or over a plane: remove one of the two parameters"
@@ -122,6 +98,7 @@ def request_fault(request: MeasurementRequest) -> str:
     )
 
 
+_RETURNING = {name for name, form in MEASUREMENT_FORMS.items() if form.may_return}
 _MORE_POINTS = {"top": "one of its top", "plane": "three of the plane below"}
 
 
@@ -163,7 +140,7 @@ def read_points(
     # A polyline may return to a point, but no segment may go from a point to itself.
     for label in dict.fromkeys(a for a, b in itertools.pairwise(points) if a == b):
         table.add_fault(row, f"points names {label!r} twice in a row")
-    if kind not in REPEATED_POINT_KINDS and len(set(points)) < len(points):
+    if kind not in _RETURNING and len(set(points)) < len(points):
         table.add_fault(row, f"kind {kind} needs different points (got {written!r})")
     return points
 

@@ -15,9 +15,6 @@ from functools import partial
 from typing import Any, NoReturn, TypeVar, get_args
 
 from uavgram.io.tables.measure import (
-    OPTIONAL_PARAMETERS,
-    PARAMETERS,
-    POINT_COUNTS,
     parameter_fault,
 )
 from uavgram.model.camera import LensModel
@@ -28,7 +25,7 @@ from uavgram.model.limits import (
     name_fault,
     value_fault,
 )
-from uavgram.model.observations import Along, MeasurementKind, Source
+from uavgram.model.observations import MEASUREMENT_FORMS, Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 
@@ -240,7 +237,7 @@ class _Fields:
         return self.place(name, size) if self.has(name) else None
 
     def measurement_kind(self) -> MeasurementKind:
-        self.kind = self.choice("kind", tuple(POINT_COUNTS))
+        self.kind = self.choice("kind", tuple(MEASUREMENT_FORMS))
         return self.kind
 
     def pairs(self, name: str) -> tuple[tuple[str, str], ...]:
@@ -287,12 +284,12 @@ class _Fields:
         return tuple(_Fields({name: value}, ()).label(name) for value in values)
 
     def parameters(self) -> tuple[tuple[str, float], ...]:
-        may = OPTIONAL_PARAMETERS.get(self.kind, ())
+        form = MEASUREMENT_FORMS[self.kind]
         values = self._data.pop("parameters", {})
         if not isinstance(values, dict):
             _refuse("parameters must be an object")
         inner = _Fields(values, ())
-        wanted = PARAMETERS.get(self.kind, ()) + tuple(name for name in may if inner.has(name))
+        wanted = form.parameters + tuple(filter(inner.has, form.optional))
         found = tuple((name, inner.number(name, partial(parameter_fault, name))) for name in wanted)
         inner.nothing_else()
         return found
