@@ -18,17 +18,22 @@ from html_page import Page
 from uneven_ground import NOISE, uneven
 
 from uavgram.errors import OutputError
-from uavgram.estimation.measuring.error_budget import OTHER_SOURCES
-from uavgram.estimation.survey.observations.kinds import KINDS
+from uavgram.estimation.measuring.error_budget import SOURCES
+from uavgram.estimation.survey.observations.observation import ErrorSource
 from uavgram.io.results.results_json import dump_results
 from uavgram.model.message import Message
-from uavgram.model.result.reliability import Noise, RemovalRecord, Verdict
+from uavgram.model.result.reliability import ErrorBudget, Noise, RemovalRecord, Verdict
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import annex_of, render_annex, render_report, write_report
 from uavgram.views.report.checks import draw_gauge
-from uavgram.views.report.measurements import COLOURS, WORDS, describe_learnt_noise
+from uavgram.views.report.measurements import (
+    COLOURS,
+    OTHER_COLOUR,
+    budget_table,
+    describe_learnt_noise,
+)
 from uavgram.views.survey.key_facts import ONLY_PROGRAM, ties_text
 
 VARIANTS = [
@@ -271,10 +276,27 @@ def test_the_largest_source_of_each_measurement_is_said() -> None:
         assert f"Largest in {largest.count(source)} of 9: {source} (" in html
 
 
-def test_every_source_of_the_program_has_a_colour_and_words() -> None:
-    sources = {kind.source for kind in KINDS.values()}
-    assert set(COLOURS) == set(WORDS) == sources | {OTHER_SOURCES}
+def test_every_source_of_the_program_has_a_colour() -> None:
+    assert set(COLOURS) == set(SOURCES)
     assert len(set(COLOURS.values())) == len(COLOURS)
+
+
+def test_the_source_of_a_new_kind_is_shown_in_another_colour(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    new = ErrorSource("compass", "how well a compass was read", "Reading it twice would help.")
+    monkeypatch.setitem(SOURCES, new.name, new)
+    result = full(survey.build())
+    budget = result.error_budget
+    assert budget is not None
+    share = np.zeros_like(budget.share)
+    share[:, 0] = 1.0
+    source = (new.name, *budget.source[1:])
+    table = budget_table(replace(result, error_budget=ErrorBudget(source=source, share=share)))
+    assert table is not None
+
+    assert table.sources[-1] == (new.name, OTHER_COLOUR)
+    assert new.advice in table.summary[0]
 
 
 def test_withheld_lengths_stand_among_the_checks_only() -> None:

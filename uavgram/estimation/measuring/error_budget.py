@@ -22,12 +22,20 @@ from uavgram.estimation.measuring.kinds import BELOW_PREFIX
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.kinds import get_kind
+from uavgram.estimation.survey.observations.kinds import KINDS, get_kind
+from uavgram.estimation.survey.observations.observation import ErrorSource
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.reliability import ErrorBudget
 
-OTHER_SOURCES = "friction and times"
-"""Name of the contributions of no observation of the survey."""
+FRICTION_AND_TIMES = ErrorSource(
+    "friction and times",
+    "the stated friction, and the times of the exposures",
+    "A drag test on the spot, or exposure times that are known better, would help there.",
+)
+"""Source of the contributions of no observation of the survey."""
+
+SOURCES = {one.name: one for one in (*(kind.source for kind in KINDS.values()), FRICTION_AND_TIMES)}
+"""Sources by name."""
 
 MIN_SHARE = 1e-12
 """Share of a variance that is rounding error: the conditions that fix a free gauge contribute
@@ -89,8 +97,8 @@ def compute_shares(variances: Mapping[str, Floats]) -> ErrorBudget:
     total = np.sum(list(variances.values()), axis=0)
     by_source: dict[str, Floats] = {}
     for group, variance in variances.items():
-        source = OTHER_SOURCES if group == "other" else get_kind(group).source
-        by_source[source] = by_source.get(source, np.zeros_like(variance)) + variance
+        source = FRICTION_AND_TIMES if group == "other" else get_kind(group).source
+        by_source[source.name] = by_source.get(source.name, np.zeros_like(variance)) + variance
     felt = {
         name: v for name, v in by_source.items() if (np.nan_to_num(v) > MIN_SHARE * total).any()
     }

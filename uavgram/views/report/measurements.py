@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.measuring.error_budget import SOURCES
 from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import ErrorBudget, Noise
 from uavgram.model.result.result import Alternative, Result
@@ -187,66 +188,8 @@ COLOURS = {
     "friction and times": "#d55e00",
     "choice of axes": "#999999",
 }
-
-# Description of each source, and how to reduce it.
-WORDS = {
-    "picks": (
-        "how exactly the points were picked in the photos",
-        "Picking them in more photos, or with more care, would help there.",
-    ),
-    "identification": (
-        "how far the picked points are from the intended ones, the same in all photos",
-        "Sharp marks or targets would help there; more photos do not.",
-    ),
-    "matches": (
-        "how exactly picked points were found in other photos",
-        "Sharper photos, or picks on distinct objects, would help there.",
-    ),
-    "tie points": (
-        "how exactly the program measured tie points in the photos",
-        "Photos that overlap more would help there.",
-    ),
-    "lens": (
-        "how well the camera is calibrated",
-        "A better calibration would help there.",
-    ),
-    "known lengths": (
-        "how exactly the known lengths were taped",
-        "More, longer or better taped lengths would help there.",
-    ),
-    "known things": (
-        "how well the known distances, angles and conditions hold (known.csv)",
-        "More or better known things would help there.",
-    ),
-    "tape": (
-        "how well the scale of the tape is known, which all its lengths share",
-        "A tape that was compared with a better one would help there (tape: scale_sigma).",
-    ),
-    "ground": (
-        "how well the height and slope of the ground are known",
-        "Points picked in more photos, from other sides, or a stated height would help there.",
-    ),
-    "flight log": (
-        "position, attitude and time of the photos in the flight log",
-        "More known lengths or control points would help there.",
-    ),
-    "control points": (
-        "how well the control points are known",
-        "More or better control points would help there.",
-    ),
-    "rolling shutter": (
-        "how well it is known in which time the camera reads a photo, row after row",
-        "Flying slower, or `readout_ms` in camera.yaml, would help there.",
-    ),
-    "friction and times": (
-        "the stated friction, and the times of the exposures",
-        "A drag test on the spot, or exposure times that are known better, would help there.",
-    ),
-    "choice of axes": (
-        "where the origin and north of the survey were put",
-        "A flight log or control points would fix them.",
-    ),
-}
+OTHER_COLOUR = "#333333"
+"""Colour of sources that are not among these."""
 
 MAX_ROWS = 40
 """Number of measurements whose budget is printed, the least certain; results.json has all."""
@@ -299,14 +242,14 @@ def budget_table(result: Result) -> BudgetTable | None:
     if budget is None or not np.isfinite(budget.share).any():
         return None
     rank = {source: r for r, source in enumerate(COLOURS)}
-    order = sorted(range(len(budget.source)), key=lambda s: rank[budget.source[s]])
+    order = sorted(range(len(budget.source)), key=lambda s: rank.get(budget.source[s], len(rank)))
     sources = tuple(budget.source[s] for s in order)
     share = budget.share[:, order]
     shown = [
         int(i) for i in order_computed_first(result.measurements) if np.isfinite(share[i]).all()
     ]
     return BudgetTable(
-        sources=tuple((source, COLOURS[source]) for source in sources),
+        sources=tuple((source, _colour(source)) for source in sources),
         rows=tuple(
             BudgetRow(
                 name=result.measurements.name[i],
@@ -321,11 +264,15 @@ def budget_table(result: Result) -> BudgetTable | None:
     )
 
 
+def _colour(source: str) -> str:
+    return COLOURS.get(source, OTHER_COLOUR)
+
+
 def _bar(sources: tuple[str, ...], share: Floats) -> list[Segment]:
     # stack the segments: cumulative shares
     ends = np.cumsum(share)
     return [
-        Segment(round(100 * (end - part), 2), round(100 * part, 2), COLOURS[source])
+        Segment(round(100 * (end - part), 2), round(100 * part, 2), _colour(source))
         for source, part, end in zip(sources, share.tolist(), ends.tolist(), strict=True)
         if part >= FELT
     ]
@@ -337,9 +284,9 @@ def _summary(budget: ErrorBudget) -> tuple[str, ...]:
     sentences = []
     for s in np.argsort(-largest, kind="stable"):
         if largest[s]:
-            what, help_ = WORDS[budget.source[s]]
+            source = SOURCES[budget.source[s]]
             sentences.append(
-                f"Largest in {largest[s]} of {len(budget.share)}: {budget.source[s]} ({what}). "
-                f"{help_}"
+                f"Largest in {largest[s]} of {len(budget.share)}: {source.name} ({source.words}). "
+                f"{source.advice}"
             )
     return tuple(sentences)

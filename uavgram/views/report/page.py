@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import OutputError
+from uavgram.estimation.measuring.error_budget import SOURCES
 from uavgram.estimation.reliability.redundancy import (
     TEST_POWER,
     compute_critical_value,
@@ -47,7 +48,6 @@ from uavgram.views.report.checks import checks_summary, draw_gauge, known_table
 from uavgram.views.report.first_page import MAX_REASONS, Brief, lay_out_brief, report_plan
 from uavgram.views.report.measurements import (
     MAX_ROWS,
-    WORDS,
     alternative_tables,
     budget_table,
     describe_learnt_noise,
@@ -141,8 +141,9 @@ def _largest_source(result: Result) -> str:
     known = budget.share[np.isfinite(budget.share).all(axis=1)]
     largest = np.bincount(np.argmax(known, axis=1), minlength=len(budget.source))
     row = int(np.argmax(largest))
-    what, help_ = WORDS[budget.source[row]]
-    return f"{what}: the largest in {largest[row]} of {counted(len(known), 'value')}. {help_}"
+    source = SOURCES[budget.source[row]]
+    how_often = f"the largest in {largest[row]} of {counted(len(known), 'value')}"
+    return f"{source.words}: {how_often}. {source.advice}"
 
 
 def method_facts(result: Result) -> dict[str, str | bool]:

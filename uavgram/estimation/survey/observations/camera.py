@@ -7,12 +7,29 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, get_unit
+from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
+    Kind,
+    Member,
+    Observation,
+    get_unit,
+)
 from uavgram.estimation.survey.observations.priors import Prior, make_independent_prior
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import parameter_names
+
+LENS = ErrorSource(
+    "lens",
+    "how well the camera is calibrated",
+    "A better calibration would help there.",
+)
+ROLLING_SHUTTER = ErrorSource(
+    "rolling shutter",
+    "how well it is known in which time the camera reads a photo, row after row",
+    "Flying slower, or `readout_ms` in camera.yaml, would help there.",
+)
 
 
 class Calibration(Observation):
@@ -20,7 +37,7 @@ class Calibration(Observation):
 
     kind = Kind(
         "calibration",
-        "lens",
+        LENS,
         "lens calibration",
         plural="values of the camera file",
         check="its focus, zoom and resolution, and its sigmas",
@@ -70,7 +87,7 @@ class Readout(Prior):
 
     kind = Kind(
         "readout",
-        "rolling shutter",
+        ROLLING_SHUTTER,
         "readout time of the camera",
         axes=("readout time",),
         units=("s",),
@@ -95,7 +112,7 @@ class Turning(Observation):
 
     kind = Kind(
         "turning",
-        "rolling shutter",
+        ROLLING_SHUTTER,
         "turn of the camera while a photo was read",
         role="construction",
     )

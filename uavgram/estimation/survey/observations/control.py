@@ -11,6 +11,7 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
     Kind,
     Member,
     Misfit,
@@ -22,13 +23,19 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.observations import KnownWorldPoints
 
+CONTROL_POINTS = ErrorSource(
+    "control points",
+    "how well the control points are known",
+    "More or better control points would help there.",
+)
+
 
 class Control(Observation):
     """Control points: points with known coordinates."""
 
     kind = Kind(
         "control",
-        "control points",
+        CONTROL_POINTS,
         "control points",
         role="reading",
         rank=4,

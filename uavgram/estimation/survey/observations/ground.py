@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, Subjects
+from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
+    Kind,
+    Member,
+    Observation,
+    Subjects,
+)
 from uavgram.estimation.survey.observations.priors import Prior, make_independent_prior
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
@@ -20,6 +26,13 @@ from uavgram.model.survey import Survey
 if TYPE_CHECKING:
     from uavgram.estimation.survey.ground_planes import PlanePrior
     from uavgram.estimation.survey.likelihood import SurveyProblem
+
+
+GROUND = ErrorSource(
+    "ground",
+    "how well the height and slope of the ground are known",
+    "Points picked in more photos, from other sides, or a stated height would help there.",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +95,9 @@ class Departures(Observation):
     """
 
     kinds = (
-        Kind("roughness", "ground", "unevenness of the ground", is_core=True, by_size=True),
-        Kind("heights", "ground", "stated heights above the ground", is_core=True),
-        Kind("idle", "ground", "heights that nothing uses", role="construction"),
+        Kind("roughness", GROUND, "unevenness of the ground", is_core=True, by_size=True),
+        Kind("heights", GROUND, "stated heights above the ground", is_core=True),
+        Kind("idle", GROUND, "heights that nothing uses", role="construction"),
     )
 
     @cached_property
@@ -136,7 +149,7 @@ class Relief(Observation):
 
     kind = Kind(
         "relief",
-        "ground",
+        GROUND,
         "shape of the ground",
         role="construction",
         is_core=True,
@@ -159,7 +172,7 @@ class Plane(Prior):
 
     kind = Kind(
         "plane",
-        "ground",
+        GROUND,
         "plane of the ground",
         axes=("ground height", "ground slope east", "ground slope north"),
         units=("m", "deg", "deg"),

@@ -12,6 +12,7 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.known_kinds import ALL_KINDS, AlikeThings, KnownResiduals
 from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
     Kind,
     Member,
     Misfit,
@@ -27,6 +28,13 @@ from uavgram.model.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
+
+
+KNOWN_THINGS = ErrorSource(
+    "known things",
+    "how well the known distances, angles and conditions hold (known.csv)",
+    "More or better known things would help there.",
+)
 
 
 class KnownRows(NamedTuple):
@@ -187,7 +195,7 @@ class Known(Observation):
 
     kind = Kind(
         "known",
-        "known things",
+        KNOWN_THINGS,
         "known things",
         role="reading",
         rank=2,

@@ -19,6 +19,7 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
     Kind,
     Member,
     Misfit,
@@ -33,6 +34,17 @@ from uavgram.model.message import Remedy, propose_length_removal
 from uavgram.model.naming import figures
 from uavgram.model.observations import KnownLines
 from uavgram.model.survey import Survey
+
+TAPED = ErrorSource(
+    "known lengths",
+    "how exactly the known lengths were taped",
+    "More, longer or better taped lengths would help there.",
+)
+TAPE_SCALE = ErrorSource(
+    "tape",
+    "how well the scale of the tape is known, which all its lengths share",
+    "A tape that was compared with a better one would help there (tape: scale_sigma).",
+)
 
 
 class TapedLengths(NamedTuple):
@@ -110,7 +122,7 @@ class Lengths(Observation):
 
     kind = Kind(
         "lengths",
-        "known lengths",
+        TAPED,
         "known lengths",
         role="reading",
         rank=1,
@@ -219,7 +231,7 @@ class Lengths(Observation):
 class TapeScales(Observation):
     """Priors of the scales of tapes."""
 
-    kind = Kind("tape", "tape", "scale of the tape", units=("%",))
+    kind = Kind("tape", TAPE_SCALE, "scale of the tape", units=("%",))
 
     def is_part(self) -> bool:
         """Return whether a scale is an unknown."""

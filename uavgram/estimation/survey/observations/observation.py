@@ -95,6 +95,14 @@ class Misfit(NamedTuple):
     off: Floats
 
 
+class ErrorSource(NamedTuple):
+    """Source in the error budget: its name, its description, and how to reduce its error."""
+
+    name: str
+    words: str
+    advice: str
+
+
 @dataclass(frozen=True)
 class Kind:
     """Properties of a kind of observation that are the same in every survey.
@@ -104,7 +112,7 @@ class Kind:
     name
         Name of its group in the likelihood; for the planes of further areas, the beginning of it.
     source
-        Name in the error budget.
+        Source in the error budget, which kinds may share.
     words
         Name in the table of all groups.
     role
@@ -135,7 +143,7 @@ class Kind:
     """
 
     name: str
-    source: str
+    source: ErrorSource
     words: str
     role: Role = "prior"
     rank: int = 0

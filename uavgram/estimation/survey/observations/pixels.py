@@ -17,6 +17,7 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
     Kind,
     Member,
     Misfit,
@@ -40,12 +41,24 @@ LINKED_SIGMA_M = 0.001
 """Sigma of the difference in height above the ground between the picked and the meant point [m]."""
 
 
+PICKING = ErrorSource(
+    "picks",
+    "how exactly the points were picked in the photos",
+    "Picking them in more photos, or with more care, would help there.",
+)
+IDENTIFICATION = ErrorSource(
+    "identification",
+    "how far the picked points are from the intended ones, the same in all photos",
+    "Sharp marks or targets would help there; more photos do not.",
+)
+
+
 class Identification(Observation):
     """Offsets, east and north, between the picked and the meant points."""
 
     kind = Kind(
         "identification",
-        "identification",
+        IDENTIFICATION,
         "picked points, beside the meant ones",
         role="untested",
         is_core=True,
@@ -75,7 +88,7 @@ class LinkedHeights(Observation):
 
     kind = Kind(
         "linked",
-        "identification",
+        IDENTIFICATION,
         "heights of picked points, as of the meant ones",
         role="construction",
     )
@@ -117,7 +130,7 @@ class Pixels(Observation):
 
     kind = Kind(
         "pixels",
-        "picks",
+        PICKING,
         "picked pixels",
         role="reading",
         rank=3,

@@ -7,9 +7,21 @@ from functools import lru_cache
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, get_unit
+from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
+    Kind,
+    Member,
+    Observation,
+    get_unit,
+)
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
+
+AXES = ErrorSource(
+    "choice of axes",
+    "where the origin and north of the survey were put",
+    "A flight log or control points would fix them.",
+)
 
 
 class Prior(Observation):
@@ -57,7 +69,7 @@ covariance."""
 class Gauge(Observation):
     """Conditions of a free gauge: first frame above x = y = 0, its image up towards north."""
 
-    kind = Kind("gauge", "choice of axes", "choice of axes", role="construction")
+    kind = Kind("gauge", AXES, "choice of axes", role="construction")
 
     def is_part(self) -> bool:
         """Return whether nothing else fixes position and heading."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import (
+    ErrorSource,
     Kind,
     Member,
     Misfit,
@@ -38,13 +39,19 @@ from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_in
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures, TelemetryPrior
 
+FLIGHT_LOG = ErrorSource(
+    "flight log",
+    "position, attitude and time of the photos in the flight log",
+    "More known lengths or control points would help there.",
+)
+
 
 class Telemetry(Observation):
     """Poses of frames by the log; errors that they share are unknowns with priors of their own."""
 
     kind = Kind(
         "telemetry",
-        "flight log",
+        FLIGHT_LOG,
         "flight log: position and attitude of each photo",
         axes=("east", "north", "up", "image x axis", "image y axis", "optical axis"),
         units=("m",) * 3 + ("deg",) * 3,
@@ -207,7 +214,7 @@ TELEMETRY_PARTS = {
 
 def _shared(name: str, words: str, unit: str, axes: str, ways: str = "") -> Kind:
     every = tuple(f"{axes} {way}" for way in ways.split()) or (axes,)
-    return Kind(name, "flight log", words, axes=every, units=(unit,) * len(every))
+    return Kind(name, FLIGHT_LOG, words, axes=every, units=(unit,) * len(every))
 
 
 class FlightPrior(Prior):

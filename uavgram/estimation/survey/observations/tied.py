@@ -15,7 +15,7 @@ import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Observation
+from uavgram.estimation.survey.observations.observation import ErrorSource, Kind, Observation
 from uavgram.estimation.survey.observations.sightings import (
     Sightings,
     collect_sightings,
@@ -37,12 +37,24 @@ WEAK_HEIGHT_SIGMA_M = 100.0
 that only photos from nearly one place show."""
 
 
+MATCHING = ErrorSource(
+    "matches",
+    "how exactly picked points were found in other photos",
+    "Sharper photos, or picks on distinct objects, would help there.",
+)
+TIE_POINTS = ErrorSource(
+    "tie points",
+    "how exactly the program measured tie points in the photos",
+    "Photos that overlap more would help there.",
+)
+
+
 class Matches(Observation):
     """Places where the program found picked points again."""
 
     kind = Kind(
         "matches",
-        "matches",
+        MATCHING,
         "picked points, found in other photos",
         role="untested",
         is_core=True,
@@ -113,7 +125,7 @@ class Matches(Observation):
 class Ties(Observation):
     """Tie points: points that several photos show, which no person picked."""
 
-    kind = Kind("ties", "tie points", "tie points", role="untested")
+    kind = Kind("ties", TIE_POINTS, "tie points", role="untested")
 
     def is_part(self) -> bool:
         """Return whether there are tie points."""
@@ -157,7 +169,7 @@ class Ties(Observation):
 class TieHeights(Observation):
     """Weak priors of the heights of tie points."""
 
-    kind = Kind("tie heights", "tie points", "heights of tie points", role="construction")
+    kind = Kind("tie heights", TIE_POINTS, "heights of tie points", role="construction")
 
     def is_part(self) -> bool:
         """Return whether there are tie points."""
@@ -182,7 +194,7 @@ class InterpolatedHeights(Observation):
 
     kind = Kind(
         "beside",
-        "tie points",
+        TIE_POINTS,
         "heights of labels, by the tie points around them",
         role="construction",
         by_size=True,
