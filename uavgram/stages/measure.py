@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import ndtri, softmax
 
 from uavgram.estimation.measuring.error_budget import Shifts
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
@@ -224,36 +224,67 @@ SAME_SIGMAS = 1.0
 """Difference, in sigmas, up to which values of two other solutions count as one value."""
 
 
-def add_alternatives(
-    measurements: MeasurementResults, values: Sequence[Sequence[float]]
-) -> MeasurementResults:
-    """Mark every measurement that the observations do not decide.
+LEAST_PROBABILITY = 0.025
+"""Probability of another explanation below which a 95 % interval need not contain its value."""
 
-    The interval of a value holds for one solution. Where another solution, which explains the
-    observations as well, puts the value outside of it, the interval is too narrow: the other values
-    have to be shown beside it.
+
+def add_alternatives(
+    measurements: MeasurementResults,
+    values: Sequence[Sequence[float]],
+    log_odds: Sequence[float],
+) -> MeasurementResults:
+    """Include other explanations of the observations in values, sigmas and intervals.
 
     Parameters
     ----------
     measurements
-        M measurements of the first solution.
+        M measurements of the result.
     values
-        The M values under each other solution; NaN where it has none.
+        The M values under each of K other explanations; NaN where it has none.
+    log_odds
+        (K,) logarithms of their odds against the result.
 
     Returns
     -------
     MeasurementResults
-        With `alternative_values`, ascending, those within `SAME_SIGMAS` of each other once.
+        With `alternative_values` outside the intervals, ascending, those within `SAME_SIGMAS` of
+        each other once. Sigmas, correlations and intervals contain the explanations that have at
+        least `LEAST_PROBABILITY`.
+
+    Notes
+    -----
+    Model averaging about the value of the result: with probabilities p_k and differences d_k, the
+    covariance is C + sum p_k d_k d_k^T (law of total variance; Hoeting, Madigan, Raftery, Volinsky
+    1999, "Bayesian model averaging").
     """
     table = np.array([list(other) for other in values], dtype=np.float64)
     table = table.reshape(len(values), len(measurements.name))
     low, high = measurements.interval_95.T
     outside = (table < low) | (table > high)  # False for NaN, without an interval
+    alternative_values = tuple(
+        _distinct(np.sort(column[there]), SAME_SIGMAS * sigma)
+        for column, there, sigma in zip(table.T, outside.T, measurements.sigma, strict=True)
+    )
+    probability = softmax([0.0, *log_odds])[1:]
+    likely = outside & (probability >= LEAST_PROBABILITY)[:, None]
+    if not likely.any():
+        return replace(measurements, alternative_values=alternative_values)
+    away = np.where(likely, table - measurements.value, 0.0)
+    covariance = measurements.correlation * np.outer(measurements.sigma, measurements.sigma)
+    spread = np.einsum("k,ki,kj->ij", probability, away, away)
+    covariance += spread
+    sigma = np.sqrt(measurements.sigma**2 + np.diag(spread))
+    with np.errstate(divide="ignore", invalid="ignore"):  # of values that are exact
+        correlation = covariance / np.outer(sigma, sigma)
     return replace(
         measurements,
-        alternative_values=tuple(
-            _distinct(np.sort(column[there]), SAME_SIGMAS * sigma)
-            for column, there, sigma in zip(table.T, outside.T, measurements.sigma, strict=True)
+        alternative_values=alternative_values,
+        sigma=sigma,
+        sigma_stated=np.sqrt(measurements.sigma_stated**2 + np.diag(spread)),
+        correlation=correlation,
+        # Each explanation has an interval of the same width about its value.
+        interval_95=np.column_stack(
+            [low + np.minimum(away.min(axis=0), 0.0), high + np.maximum(away.max(axis=0), 0.0)]
         ),
     )
 

@@ -147,6 +147,8 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
     """
     chance = 3.0 / np.sqrt(sampled.samples)
     for i, name in enumerate(first.name):
+        if first.is_ambiguous[i]:  # its interval has more explanations than the sampled one
+            continue
         sigma_off = abs(sampled.sigma[i] / first.sigma[i] - 1.0) - chance / np.sqrt(2.0)
         ends = np.abs(sampled.interval_95[i] - first.interval_95[i]) / first.sigma[i]
         end_off = ends.max() / WIDTH - chance * QUANTILE_SIGMA / WIDTH

@@ -20,8 +20,8 @@ from uavgram.views import units as shown_units
 NOT_COMPUTED = "not computed"
 
 NOT_UNIQUE = (
-    'Values with "or" are not unique: other solutions fit the observations as well and give '
-    "the other values. Sigma and interval hold only if the first one is right."
+    'Values with "or" are not unique: other explanations of the observations give the other '
+    "values. Sigma and interval include the likely ones."
 )
 
 LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}

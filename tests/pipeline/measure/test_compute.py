@@ -115,12 +115,12 @@ def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so
         )
         at = survey.pick_label
         if survey.label[at[one]] == small.picks.label[rows[0]]:
-            return IdentifiedCauses((), ())
+            return IdentifiedCauses((), (), ())
         mend = SurveyCorrection(
             label_of_pick={one: int(at[other]), other: int(at[one])},
             without_picks=frozenset([third]),
         )
-        return IdentifiedCauses((cause(mend),), (None,))
+        return IdentifiedCauses((cause(mend),), (None,), ((),))
 
     stage = importlib.import_module("uavgram.stages.refine.at_stated_noise")
     monkeypatch.setattr(stage, "identify_causes", found)

@@ -222,7 +222,7 @@ def test_the_report_marks_the_row_and_says_what_that_means(sure: Result, marked:
 
     assert [row[0] for row in rows] == [NAME]
     assert OTHERS in rows[0][3]
-    assert "other solutions fit the observations as well" in page
+    assert "other explanations of the observations give the other" in page
     assert "not unique" not in render_annex(sure).lower()
 
 

@@ -358,6 +358,16 @@ class Removal:
         return abs(self.suspicion.w)
 
 
+class Explanation(NamedTuple):
+    """Another explanation of the observations: a minimum, or a mistake that is put right.
+
+    `log_odds` is the logarithm of its odds against the result.
+    """
+
+    adjustment: Adjustment
+    log_odds: float
+
+
 @dataclass(frozen=True, eq=False)
 class Refined:
     """Result of the refine stage.
@@ -380,8 +390,6 @@ class Refined:
         Those of them that were left out because they depend on undetermined unknowns.
     alternatives
         Other minima that explain the lengths as well.
-    mirrored
-        Solution with all photos mirrored, if the log does not rule it out.
     noise
         Error sizes estimated from the residuals; None if they were not estimated.
     stated
@@ -395,6 +403,9 @@ class Refined:
         Adjustments without one click, by its label, that explain the misfit as well.
     causes
         Explanations of the misfits, likeliest first.
+    explanations
+        Solutions without the mistakes that the result does not take into account, and with all
+        photos mirrored, if the log does not rule it out.
     matches_left_out
         Rows of the project's picks: matches that do not fit the sightings in other photos.
     """
@@ -416,8 +427,8 @@ class Refined:
     rival_lines: frozenset[str] = frozenset()
     rival_clicks: Mapping[str, Adjustment] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
+    explanations: tuple[Explanation, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
-    mirrored: Adjustment | None = None
 
     @property
     def is_log_left_out(self) -> bool:
@@ -429,6 +440,26 @@ class Refined:
     def settled(self) -> frozenset[str]:
         """Names of lengths and frames whose misfit a cause explains."""
         return frozenset().union(*(cause.settles for cause in self.causes))
+
+    def list_explanations(self) -> tuple[Explanation, ...]:
+        """List all other explanations of the observations: minima, rivals and causes."""
+        minima = (*self.alternatives, *self.rival_clicks.values())
+        return (*(self.explain(one) for one in minima), *self.explanations)
+
+    def explain(self, other: Adjustment, prior_log_odds: float = 0.0) -> Explanation:
+        """Compute the odds of another minimum by the likelihood ratio, and those beforehand.
+
+        Without the same observations the costs do not compare, and the ratio is taken as one.
+        """
+        here, there = self.adjustment.minimum, other.minimum
+        is_same = _count_residuals(here) == _count_residuals(there)
+        ratio = 0.5 * (here.cost - there.cost) if is_same else 0.0
+        return Explanation(other, ratio + prior_log_odds)
+
+
+def _count_residuals(minimum: Minimum[State]) -> int:
+    """Count the observed numbers that take part."""
+    return sum(block.residual.size for block in minimum.blocks.values())
 
 
 def compute_departures(adjustment: Adjustment) -> tuple[Floats, Floats]:

@@ -325,9 +325,11 @@ def _measure(
     if curved:
         curvature, more = check_second_order(refined.adjustment, values, table, frames)
         messages += more
-    rivals = filter(None, (*refined.alternatives, refined.mirrored, *refined.rival_clicks.values()))
-    others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one in rivals)
-    table = add_alternatives(table, others)
+    rivals = refined.list_explanations()
+    others = tuple(
+        tuple(measure(one.adjustment, inputs.requests, frames)[0].value) for one in rivals
+    )
+    table = add_alternatives(table, others, [one.log_odds for one in rivals])
     return _Measurements(table, curvature, others[: len(refined.alternatives)], messages)
 
 

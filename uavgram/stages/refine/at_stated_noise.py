@@ -10,9 +10,11 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.reliability.redundancy import compute_core_fit
-from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.adjustment import Explanation, LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
+from uavgram.model.message_catalogue.entry import Effect
+from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
@@ -46,6 +48,9 @@ class StatedNoiseAdjustment(NamedTuple):
         Labels off the ground without a statement to that effect.
     causes
         Causes that explain the misfit.
+    explanations
+        The survey adjusted without the mistakes that the result does not take into account, and
+        that leave it in use.
     messages
         Messages on control, and on heights that no observation determines.
     """
@@ -55,6 +60,7 @@ class StatedNoiseAdjustment(NamedTuple):
     refined: Refined
     off_ground: list[str]
     causes: tuple[Cause, ...]
+    explanations: tuple[Explanation, ...]
     messages: tuple[Message, ...]
 
 
@@ -118,7 +124,16 @@ def adjust_at_stated_noise(
             left_out += again.messages(known_less)
             off_ground = sorted({*off_ground, *again.labels})
             refined = replace(refined, pick_removed=removed)
-    return StatedNoiseAdjustment(given, survey, refined, off_ground, causes, (*left_out, *unseen))
+    # A cause that makes the verdict red forbids the use of the values, whatever their sigmas.
+    explanations = tuple(
+        one
+        for cause, explained in zip(causes, found.explanations, strict=True)
+        for one in explained
+        if not cause.is_accounted and entry_of(cause.message.code).effect is not Effect.RED
+    )
+    return StatedNoiseAdjustment(
+        given, survey, refined, off_ground, causes, explanations, (*left_out, *unseen)
+    )
 
 
 def _find_common_errors(

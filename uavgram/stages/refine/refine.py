@@ -26,7 +26,11 @@ from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise, find_p
 from uavgram.stages.refine.blunder_removal import MAX_REMOVED_SHARE, find_blunder
 from uavgram.stages.refine.causes.common_length_errors import report_possible_errors
 from uavgram.stages.refine.causes.correction import apply_corrections
-from uavgram.stages.refine.causes.mirrored_photos import find_mirrored_solution, report_undecided
+from uavgram.stages.refine.causes.mirrored_photos import (
+    PRIOR_LOG_ODDS,
+    find_mirrored_solution,
+    report_undecided,
+)
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.left_out import add_records, report_poses_left_out
 from uavgram.stages.refine.minima import find_best_minima
@@ -114,13 +118,15 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined,
         off_ground=frozenset(found_free) | shown,
         causes=(*(one.cause for one in mends if one.cause), *begun.causes),
+        explanations=begun.explanations,
         removals=(*mends, *refined.removals),
         matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
     mirrored = find_mirrored_solution(refined.adjustment)
     if mirrored is not None:
-        refined = replace(refined, mirrored=mirrored)
+        mirrored_explanation = refined.explain(mirrored, -PRIOR_LOG_ODDS)
+        refined = replace(refined, explanations=(*refined.explanations, mirrored_explanation))
         search.append(report_undecided())
     # Report a point off the ground once, with its adjusted height.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))

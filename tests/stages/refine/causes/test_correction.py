@@ -139,7 +139,9 @@ def test_mends_without_end_end(monkeypatch: pytest.MonkeyPatch, survey: Survey, 
     """Each adjustment finds something: one that changes nothing."""
     idle = cause(SurveyCorrection(length_m={1: float(survey.length_m[1])}))
     monkeypatch.setattr(whole, "MAX_CORRECTIONS", most)
-    monkeypatch.setattr(stage, "identify_causes", lambda _: IdentifiedCauses((idle,), (None,)))
+    monkeypatch.setattr(
+        stage, "identify_causes", lambda _: IdentifiedCauses((idle,), (None,), ((),))
+    )
     refined, _ = refine(survey, REMOVE)
     assert [removal.kind for removal in refined.removals] == ["mend"] * most
     assert len(refined.causes) == most + 1
@@ -147,7 +149,9 @@ def test_mends_without_end_end(monkeypatch: pytest.MonkeyPatch, survey: Survey, 
 
 def test_with_report_nothing_is_mended(monkeypatch: pytest.MonkeyPatch, survey: Survey) -> None:
     found = cause(SurveyCorrection(length_m={1: 7.0}, without_picks=frozenset([0])))
-    monkeypatch.setattr(stage, "identify_causes", lambda _: IdentifiedCauses((found,), (None,)))
+    monkeypatch.setattr(
+        stage, "identify_causes", lambda _: IdentifiedCauses((found,), (None,), ((),))
+    )
     refined, (first, *_) = refine(survey, replace(REMOVE, outliers="report"))
     assert refined.removals == ()
     assert first == found.message

@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from uavgram.estimation.survey.adjustment import Explanation
 from uavgram.model.message import Message
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.common_length_errors import (
@@ -137,6 +138,9 @@ class IdentifiedCauses(NamedTuple):
     freed
         For each cause, the function that removes wrong prior knowledge for further adjustments;
         None: no prior is wrong.
+    explanations
+        For each cause, the corrected survey adjusted, and likewise for its rival; none where that
+        was not tried.
     wrong, right
         Picks that take part and are wrong, and those that were left out because of them.
     cost
@@ -149,6 +153,7 @@ class IdentifiedCauses(NamedTuple):
 
     causes: tuple[Cause, ...]
     freed: tuple[Callable[[Survey], Survey] | None, ...]
+    explanations: tuple[tuple[Explanation, ...], ...]
     wrong: frozenset[int] = frozenset()
     right: frozenset[int] = frozenset()
     cost: float = np.inf
@@ -178,7 +183,9 @@ def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
     found = _identify_in_turn(diagnosis)
     rest = propose_photos_elsewhere(diagnosis, found.causes, found.right)
     return found._replace(
-        causes=(*found.causes, *rest), freed=(*found.freed, *(None for _ in rest))
+        causes=(*found.causes, *rest),
+        freed=(*found.freed, *(None for _ in rest)),
+        explanations=(*found.explanations, *(() for _ in rest)),
     )
 
 
@@ -188,6 +195,7 @@ def _identify_in_turn(
     """Identify the likeliest cause, then that of the remaining misfit, until the rest fits."""
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
+    explanations: list[tuple[Explanation, ...]] = []
     wrong, right = frozenset[int](), frozenset[int]()
     stated, price = diagnosis, 0.0
     for _ in range(most):
@@ -200,6 +208,7 @@ def _identify_in_turn(
         if best.hypothesis.message is not None:
             causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
             freed.append(_freed_by(best, rival))
+            explanations.append(_list_explanations(best, rival))
         if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
             wrong |= best.hypothesis.mend.picks
             right |= best.hypothesis.back
@@ -210,11 +219,22 @@ def _identify_in_turn(
     return IdentifiedCauses(
         tuple(causes),
         tuple(freed),
+        tuple(explanations),
         wrong,
         right,
         cost=cost,
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
+    )
+
+
+def _list_explanations(
+    best: JudgedHypothesis, rival: JudgedHypothesis | None
+) -> tuple[Explanation, ...]:
+    """List the corrected surveys of a cause and its rival, where they were adjusted."""
+    judged = (best,) if rival is None else (best, rival)
+    return tuple(
+        Explanation(one.after.adjustment, one.odds) for one in judged if one.after is not None
     )
 
 
