@@ -697,15 +697,15 @@ def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
 
 
 def _without_a_length(whole: Participants) -> Iterator[Participants]:
-    """Leave out each length; with a log also all lengths together.
+    """Leave out all lengths where there is a log, otherwise each of them.
 
-    First values may depend on a wrong length. Where all lengths are in another unit, they and the
-    log may force all other observations into agreement with them.
+    First values without a log may depend on a wrong length. Where all lengths are in another unit,
+    they and the log may force all other observations into agreement with them.
     """
     lines = np.flatnonzero(~whole.line_removed).tolist()
     if whole.survey.telemetry is not None and lines:
         yield whole.without_lines(lines)
-    if 3 < len(lines) <= MOST_STARTS:
+    elif 3 < len(lines) <= MOST_STARTS:
         yield from (whole.without_lines([line]) for line in lines)
 
 
