@@ -186,13 +186,18 @@ def read_text(path: str | Path, what_to_do: str) -> str:
         It is not a file, cannot be read, or is not UTF-8 text: names the line.
     """
     data = read_bytes(path)
-    if _is_utf_16(data[:64]):
-        raise InputError(path, "is UTF-16 text ('Unicode' in some programs): save it as UTF-8", 1)
+    refuse_utf_16(path, data)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         line = data.count(b"\n", 0, fault.start) + 1
         raise InputError(path, f"is not UTF-8 text: {what_to_do}", line) from fault
+
+
+def refuse_utf_16(path: str | Path, data: bytes) -> None:
+    """Raise an InputError where the content of a file is UTF-16 text."""
+    if _is_utf_16(data[:64]):
+        raise InputError(path, "is UTF-16 text ('Unicode' in some programs): save it as UTF-8", 1)
 
 
 def _is_utf_16(start: bytes) -> bool:

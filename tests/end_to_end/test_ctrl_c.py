@@ -116,6 +116,25 @@ def test_a_project_can_be_broken_off_and_keeps_its_results(survey: Path, command
     assert sorted(path.name for path in survey.rglob("*")) == before
 
 
+def test_a_second_ctrl_c_does_not_break_off_the_end_of_the_page(survey: Path) -> None:
+    command = [sys.executable, "-m", "uavgram", "pick", survey, "--no-browser"]
+    with subprocess.Popen(
+        list(map(str, command)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        assert process.stdout is not None
+        assert any("http://" in line for line in process.stdout)
+        time.sleep(0.2)  # until the server waits for requests
+        for _ in range(2):
+            os.killpg(process.pid, signal.SIGINT)
+            time.sleep(0.02)
+        _, said = process.communicate(timeout=LONGEST_WAIT_S)
+    assert (process.returncode, said) == (130, "uavgram: ended; everything is saved\n")
+
+
 def test_a_calibration_can_be_broken_off(tmp_path: Path) -> None:
     board = ["--board", "chessboard:9x6:25mm", "--output", tmp_path / "out"]
     ended = struck(start("calibrate", tmp_path, *board), 0.05)

@@ -45,6 +45,22 @@ def test_both_formats_hold_the_same(tmp_path: Path) -> None:
     assert found[1].label == ("hydrant",)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_a_file_in_utf_16_is_named_so(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "area.kml"
+    path.write_bytes(KML.encode(encoding))
+    with pytest.raises(InputError, match=r"is UTF-16 text .* save it as UTF-8"):
+        read_areas(path)
+
+
+def test_a_long_name_of_an_encoding_is_shortened(tmp_path: Path) -> None:
+    path = tmp_path / "area.kml"
+    path.write_text(f"<?xml version='1.0' encoding='{'x' * 5000}'?><kml/>", encoding="utf-8")
+    with pytest.raises(InputError, match="in the encoding that it declares") as found:
+        read_areas(path)
+    assert len(str(found.value)) < 300
+
+
 def test_bare_geometries_and_several_parts(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text(json.dumps(POLYGON))

@@ -264,6 +264,13 @@ def test_what_is_nested_without_end_is_refused_before_opencv_ends_the_program(
         read_opencv_calibration(path)
 
 
+def test_brackets_in_a_comment_of_yaml_are_no_levels(tmp_path: Path, data_dir: Path) -> None:
+    path = tmp_path / "camera.yml"
+    text = (data_dir / "opencv_chess" / "left_intrinsics.yml").read_text(encoding="utf-8")
+    path.write_text(text.replace("---\n", f"---\n  # {'[' * 200}\n", 1), encoding="utf-8")
+    assert read_opencv_calibration(path)[0].width_px == 640
+
+
 def test_yaml_nested_by_its_indents_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "camera.yml"
     levels = "".join(" " * k + "k:\n" for k in range(1500))

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, ParseError, fromstring
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.input_files import read_bytes
+from uavgram.input_files import read_bytes, refuse_utf_16
 from uavgram.io.json_codec import parse_json
 from uavgram.model.arrays import Floats
 
@@ -20,6 +20,9 @@ FORMATS = "a GeoJSON file (.geojson, .json) or a KML file (.kml)"
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)""")
 _BYTE_BY_BYTE = re.compile(r"ascii|iso8859-\d+|cp125\d")
 """Encodings besides UTF-8 in which old programs save KML, by their Python names."""
+
+MAX_ENCODING_LETTERS = 40
+"""Number of letters of a declared encoding that are read; no name is as long."""
 
 
 class Area(NamedTuple):
@@ -72,10 +75,11 @@ def read_areas(path: Path) -> AreaFile:
 
 def _decoded(path: Path, data: bytes) -> str:
     """Decode a text with the encoding declared in XML, or as UTF-8."""
+    refuse_utf_16(path, data)
     declared = _DECLARED.match(data.removeprefix(codecs.BOM_UTF8))
     if declared is None:
         return data.decode("utf-8-sig", errors="replace")
-    stated = declared[1].decode("ascii", errors="replace")
+    stated = declared[1].decode("ascii", errors="replace")[:MAX_ENCODING_LETTERS]
     try:
         name = codecs.lookup(stated).name
         if name == "utf-8" or _BYTE_BY_BYTE.fullmatch(name):

@@ -296,6 +296,9 @@ def _find_too_deep(text: str) -> int | None:
     The three formats have quotes and comments in different places. So text that looks like a quote
     or comment may open levels here, but closes only its own.
     """
+    is_yaml = not text.lstrip().startswith(("{", "<"))
+    if is_yaml:  # there, a line that begins with # is a comment
+        text = re.sub(r"^[ \t]*#.*$", "", text, flags=re.MULTILINE)
     depth = 0
     for found in re.finditer(f"{_ASIDE}|{_LEVEL}", text, re.DOTALL):
         least = depth if found["aside"] else 0
@@ -303,7 +306,7 @@ def _find_too_deep(text: str) -> int | None:
             depth = depth + 1 if one["opened"] else max(depth - 1, least)
             if depth > _MAX_DEPTH:
                 return text.count("\n", 0, found.start()) + 1
-    if text.lstrip().startswith(("{", "<")):
+    if not is_yaml:
         return None
     at_indent: dict[int, int] = {}  # largest number of blocks that a line begins
     for number, line in enumerate(text.splitlines(), 1):

@@ -16,6 +16,7 @@ from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.messages import StatedValues
 from uavgram.io.logs.samples import (
     compute_deviation,
+    describe_left_out,
     find_plausible_rows,
     find_restarts,
     is_near_track,
@@ -273,3 +274,13 @@ def test_nothing_is_fixed_where_no_receiver_says_so() -> None:
         merged = merge_sigmas([KNOWN], [], fix)
         assert merged is not None
         assert not merged.is_fixed.any()
+
+
+def test_rows_without_a_time_are_not_called_senseless() -> None:
+    """Firmware of 2012 wrote attitudes without a time."""
+    time_s = np.array([0.0, np.nan, 2.0, 1e9, np.nan])
+    notes = describe_left_out("ATT", time_s, np.array([0, 2]))
+    assert notes == (
+        "1 of 5 ATT rows make no sense and were dropped",
+        "2 of 5 ATT rows have no time and were dropped",
+    )

@@ -108,9 +108,14 @@ def describe_left_out(
     used = np.isin(time_s, time_s[rows])
     unused = stated & ~used
     notes = _out_of_order(source, time_s[stated & used])
-    if unused.any():
-        dropped = f"{int(unused.sum())} of {int(stated.sum())} {source} rows"
-        notes = (f"{dropped} make no sense and were dropped", *notes)
+    is_timed = np.isfinite(time_s)
+    for dropped, why in (
+        (unused & ~is_timed, "have no time"),
+        (unused & is_timed, "make no sense"),
+    ):
+        if dropped.any():
+            count = f"{int(dropped.sum())} of {int(stated.sum())} {source} rows"
+            notes = (f"{count} {why} and were dropped", *notes)
     return notes
 
 

@@ -156,6 +156,11 @@ class PageServer(uvicorn.Server):
         super().__init__(config)
         self._guard, self._desk = guard, desk
 
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End at the first signal: a second one would break off what the first one saves."""
+        if not self.should_exit:
+            super().handle_exit(sig, frame)
+
     async def on_tick(self, counter: int) -> bool:
         """Return whether to end; called ten times a second."""
         if self._guard.tabs.gone_s() > ENDS_AFTER_S and not self._desk.is_busy:
