@@ -197,44 +197,80 @@ def test_what_was_set_outlives_a_reload_and_another_tab_closes_nothing_unasked(
 
 def test_damaged_files_are_named_and_the_rest_can_be_used(home: Path, page: Page) -> None:
     photos = home / "flight" / "photos"
-    whole = {name: (photos / name).read_bytes() for name in ("P1.jpg", "P2.jpg")}
-    for name in ("P3.jpg", "P4.jpg"):
-        (photos / name).write_bytes(whole["P1.jpg"])
-    (photos / "P3.jpg").write_bytes(whole["P1.jpg"][:-200])
+    whole = (photos / "P1.jpg").read_bytes()
+    (photos / "P3.jpg").write_bytes(whole[:-200])
+    (photos / "P4.jpg").write_bytes(whole)
     (home / "flight" / "00000012.BIN").touch()
     (home / "only damaged").mkdir()
     (home / "only damaged" / "a.jpg").write_text("no photo", encoding="utf-8")
     page.reload()
 
+    expect(page.locator(".folders .into", has_text="only damaged")).to_contain_text("1 photo file")
     page.get_by_role("button", name="Use only damaged").click()
     expect(page.get_by_role("alert").last).to_contain_text("There are no photos")
-    expect(page.get_by_role("alert").last).to_contain_text("a.jpg is left out, as it is no photo")
+    expect(page.get_by_role("alert").last).to_contain_text(
+        "a.jpg cannot be used, as it is no photo"
+    )
     page.get_by_role("button", name="Another folder").click()
 
     page.get_by_role("button", name="Use flight").click()
     named = page.get_by_role("group", name="Cannot be used")
     expect(named).to_contain_text("The flight log 00000012.BIN is not used, as it is empty")
     expect(named).to_contain_text("Without a flight log, the photos are placed by")
-    expect(named).to_contain_text("P3.jpg is left out, as it is cut off")
+    expect(named).to_contain_text("P3.jpg cannot be used, as it is cut off")
     expect(named).not_to_contain_text("P4.jpg")
 
     (photos / "P4.jpg").write_bytes(b"")  # after it was listed
     page.get_by_role("radio", name="Straight down").check()
     page.get_by_role("button", name="No lengths").click()
+    trouble = page.locator("#trouble")
+    expect(trouble).to_contain_text("It has 2 photos that can be used, not 3.")
+    expect(trouble).to_contain_text("P4.jpg (is empty, and no photo that can be read)")
+    expect(named).to_contain_text("P4.jpg")
+    expect(page.get_by_role("radio", name="Straight down")).to_be_checked()
+    assert not (home / "flight" / "project.yaml").exists()
+    page.get_by_role("button", name="No lengths").click()
+    expect(page.locator("#strip button")).to_have_count(2)
+    page.get_by_role("tab", name="Photos").click()
+    rows = page.get_by_role("table", name="Photos left out").get_by_role("row")
+    expect(rows).to_contain_text(["", "P3.jpg", "P4.jpg"])
+
+
+def test_a_damaged_photo_is_left_out_of_a_project_and_taken_back(home: Path, page: Page) -> None:
+    page.get_by_role("button", name="Use flight").click()
+    page.get_by_role("radio", name="Straight down").check()
+    page.get_by_role("button", name="No lengths").click()
     expect(page.locator("#strip button")).to_have_count(2)
     page.get_by_role("button", name="Open another folder").click()
 
+    photo = home / "flight" / "photos" / "P2.jpg"
+    whole = photo.read_bytes()
+    photo.write_bytes(whole[:-200])
     (home / "flight" / "picks.csv").write_text(
         "image,label,u_px,v_px\nP1.jpg,A,100,100\nP2.jpg,A,110,100\n", encoding="utf-8"
     )
-    (photos / "P2.jpg").write_bytes(whole["P2.jpg"][:-200])
     page.get_by_role("button", name="Open flight").first.click()
     expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
     expect(page.locator("#strip button")).to_have_count(1)
     expect(page.locator("#light")).to_have_text("Not checked yet")
-    expect(page.locator("#first")).to_contain_text("P2.jpg is damaged")
+    expect(page.locator("#first")).to_contain_text("P2.jpg cannot be used, as it is cut off")
+    page.get_by_role("tab", name="Measure").click()
     expect(page.locator("p.why")).to_contain_text("P2.jpg: is cut off")  # as `run` refuses it
     page.get_by_role("tab", name="Photos").click()
     shown = page.get_by_role("tabpanel", name="Photos")
-    expect(shown).to_contain_text("P2.jpg is damaged, so its picks (A) take no part")
-    expect(shown).to_contain_text("The photo P2.jpg is left out, as it is cut off")
+    expect(shown).to_contain_text("The photo P2.jpg cannot be used, as it is cut off")
+
+    page.locator("#first").get_by_role("button", name="Leave P2.jpg out").click()
+    expect(page.locator("#notice")).to_contain_text("The project leaves out P2.jpg")
+    expect(shown).to_contain_text(
+        "leaves out P2.jpg (`leave_out`), with its picks of A, which stay"
+    )
+    project = home / "flight" / "project.yaml"
+    assert load_project(project).leave_out == ("P2.jpg",)
+    assert "P2.jpg,A,110,100" in (home / "flight" / "picks.csv").read_text(encoding="utf-8")
+    expect(page.get_by_role("button", name="Leave P2.jpg out")).to_have_count(0)
+
+    photo.write_bytes(whole)
+    page.get_by_role("button", name="Use P2.jpg again").click()
+    expect(page.locator("#strip button")).to_have_count(2)
+    assert load_project(project).leave_out == ()

@@ -37,7 +37,7 @@ def test_a_camera_is_calibrated_on_a_folder_from_the_page_and_used(
         expect(panel).to_contain_text("The principal point is known to 30 px only")
         expect(panel.get_by_role("table", name="What the lens does")).to_contain_text("600.000")
         form = panel.get_by_role("form", name="Calibration")
-        form.get_by_label("Folder").select_option("board: 6 photos, 640 × 480 px")
+        form.get_by_label("Folder").select_option("board: 6 photo files, 640 × 480 px")
         form.get_by_role("button", name="Start").click()
         report = panel.get_by_role("link", name="Open its report")
         expect(report).to_be_visible()

@@ -34,7 +34,7 @@ def test_a_camera_that_nobody_knows_is_said_to_be_and_calibrated_on_the_page(
         expect(panel).to_contain_text("Nothing is known of this camera")
         expect(panel).to_contain_text("Nobody knows it, so an ordinary drone camera is assumed")
         form = panel.get_by_role("form", name="Calibration")
-        form.get_by_label("Folder").select_option("../board: 6 photos, 640 × 480 px")
+        form.get_by_label("Folder").select_option("../board: 6 photo files, 640 × 480 px")
         form.get_by_role("button", name="Start").click()
         panel.get_by_role("button", name="Use it").click()
         expect(panel).to_contain_text("calibrated from 6 photos of a board")

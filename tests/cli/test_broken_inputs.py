@@ -168,6 +168,71 @@ def test_no_command_changes_picks_while_a_photo_is_damaged(
     assert f"{photo}: is cut off" in done.stderr
 
 
+def test_every_damaged_photo_is_named_and_the_project_can_go_on_without_them(
+    project: Project, command: Command
+) -> None:
+    for k in (3, 5):
+        photo = project / "photos" / f"IMG_000{k}.jpg"
+        photo.write_bytes(photo.read_bytes()[:-200])
+    (project / "photos" / "IMG_0007.jpg").write_bytes(b"")
+    done = command("check", project.path)
+    assert done.status == 1
+    for k in (3, 5, 7):
+        assert f"{project / 'photos' / f'IMG_000{k}.jpg'}: is " in done.stderr
+    setting = "leave_out: [IMG_0003.jpg, IMG_0005.jpg, IMG_0007.jpg]"
+    assert done.stderr.endswith(f"Or write `{setting}` into project.yaml to go on without them\n")
+
+    with project.path.open("a", encoding="utf-8") as file:
+        file.write(f"{setting}\n")
+    picks = (project / "picks.csv").read_text(encoding="utf-8")
+    assert "IMG_0003.jpg" in picks
+    run = command("run", project.path)
+    assert run.status == 0, run.stderr
+    assert "leaves out" in run.stdout
+    result = json.loads((project.out / "results.json").read_text(encoding="utf-8"))
+    assert not {"IMG_0003.jpg", "IMG_0005.jpg", "IMG_0007.jpg"} & {
+        pick["image"] for pick in result["picks"]
+    }
+
+    for words in (("match",), ("match", "--undo")):
+        assert command("picks", words[0], project.path, *words[1:]).status == 0
+    assert (project / "picks.csv").read_text(encoding="utf-8") == picks
+
+
+def test_hundreds_of_damaged_photos_make_a_short_message(
+    project: Project, command: Command
+) -> None:
+    for k in range(40):
+        (project / "photos" / f"X{k}.jpg").write_bytes(b"")
+    done = command("check", project.path)
+    assert "... and 30 more photos that cannot be used" in done.stderr
+    assert len(done.stderr.splitlines()) == 12
+    assert "`uavgram pick`" in done.stderr.splitlines()[-1]
+
+
+def test_a_photo_that_is_gone_can_be_left_out_with_its_picks(
+    project: Project, command: Command, fails: Fails
+) -> None:
+    (project / "photos" / "IMG_0003.jpg").unlink()
+    said = fails(f"{project / 'picks.csv'}", "IMG_0003.jpg", "leave_out")
+    assert "`leave_out: [IMG_0003.jpg]`" in said
+    project.set(leave_out=["photos/IMG_0003.jpg"])
+    assert command("check", project.path).status == 0
+
+
+def test_a_name_of_no_photo_that_is_left_out_is_told(project: Project, command: Command) -> None:
+    project.set(leave_out="IMG_003.jpg")
+    done = command("check", project.path)
+    assert done.status == 0
+    assert "`leave_out` names IMG_003.jpg" in done.stdout
+    assert "did you mean 'IMG_00" in done.stdout
+
+
+def test_not_all_photos_can_be_left_out(project: Project, fails: Fails) -> None:
+    project.set(leave_out=sorted(path.name for path in (project / "photos").iterdir()))
+    fails("all of its photos are left out")
+
+
 def test_no_result_replaces_an_input(project: Project, fails: Fails) -> None:
     measure = project / "measure.csv"
     taken = measure.rename(project / "measurements.csv")

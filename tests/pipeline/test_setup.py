@@ -16,7 +16,13 @@ from uavgram.errors import UavgramError
 from uavgram.model.naming import IMPERIAL
 from uavgram.model.provenance import Case
 from uavgram.pipeline.new import Choices
-from uavgram.pipeline.setup import Setup, SetupChoices, inspect_folder, set_up
+from uavgram.pipeline.setup import (
+    Setup,
+    SetupChoices,
+    change_left_out,
+    inspect_folder,
+    set_up,
+)
 
 GCP = """EPSG:32632
 350000.0 5650000.0 100.0 120.5 130.5 P1.jpg A
@@ -119,3 +125,32 @@ def test_settings_are_written_where_a_person_would(
         old = (yaml.safe_load(before) or {}).get(key) or {}
         assert said[key] == ({**old, **value} if isinstance(value, dict) else value)
     assert changed.count("#") >= before.count("#") - before.count("\n#") - before.startswith("#")
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("images: a\n", "images: a\nleave_out: [b.jpg, c.jpg]\n"),
+        (
+            "images: a\n# leave_out: [IMG_0007.JPG] # which\n",
+            "images: a\nleave_out: [b.jpg, c.jpg] # which\n",
+        ),
+        ("leave_out: b.jpg\nname: x\n", "leave_out: [b.jpg, c.jpg]\nname: x\n"),
+        ("leave_out: []\n", "leave_out: [b.jpg, c.jpg]\n"),
+        (
+            "leave_out: # which\n  - b.jpg\n  - z.jpg\nname: x\n",
+            "leave_out: [b.jpg, c.jpg] # which\nname: x\n",
+        ),
+    ],
+)
+def test_a_list_is_set_however_it_is_written(before: str, after: str) -> None:
+    assert apply_settings(before, {"leave_out": ["b.jpg", "c.jpg"]}) == after
+
+
+def test_photos_are_left_out_by_name_and_taken_back(tmp_path: Path) -> None:
+    project = small_project(tmp_path)
+    change_left_out(project, ["P1.jpg", "a, b]: '1'.jpg"], is_taken_back=False)
+    change_left_out(project, ["P1.jpg"], is_taken_back=False)
+    assert load_project(project, unfinished=True).leave_out == ("a, b]: '1'.jpg", "P1.jpg")
+    change_left_out(project, ["P1.jpg"], is_taken_back=True)
+    assert load_project(project, unfinished=True).leave_out == ("a, b]: '1'.jpg",)

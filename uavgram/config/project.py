@@ -78,8 +78,11 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
     missing: tuple[Fault, ...] = ()
     if isinstance(data, dict):
         data = {"name": path.parent.name, **data}
-        if isinstance(data.get("images"), str):
-            data["images"] = [data["images"]]
+        for key in ("images", "leave_out"):
+            if isinstance(data.get(key), str):
+                data[key] = [data[key]]
+        if isinstance(left_out := data.get("leave_out"), list):  # names of photos, or their paths
+            data["leave_out"] = [Path(n).name if isinstance(n, str) else n for n in left_out]
         data, wrong_units = _with_units(data)
         keys = [k for k in _INPUT_FILES if not (unfinished and k in PICKED_FILES)]
         missing = _missing_files(data, path.parent, keys) + _unknown_crs(data) + _no_board(data)

@@ -13,10 +13,11 @@ _PLAIN = re.compile(r"[A-Za-z][\w./-]*(?: [\w./-]+)*")
 _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y", "n"}
 
 Scalar = str | float | None
-Settings = Mapping[str, "Scalar | Mapping[str, Scalar]"]
+Settings = Mapping[str, "Scalar | Sequence[str] | Mapping[str, Scalar]"]
 """New values by key, or for a section by the keys in it."""
 
-_VALUE = r"""(?:"[^"\n]*"|'[^'\n]*'|\{[^{}\n]*\}|[^\s#"'|>&*!\[{][^#\n]*?)"""
+_LIST = r"""\[(?:"(?:\\.|[^"\\\n])*"|[^"\[\]\n])*\]"""
+_VALUE = rf"""(?:"[^"\n]*"|'[^'\n]*'|\{{[^{{}}\n]*\}}|{_LIST}|[^\s#"'|>&*!\[{{][^#\n]*?)"""
 _END = r"(?P<end>[ \t]*(?:[ \t]\#.*)?\r?)$"
 _HEAD = rf"(?:\#[ ]?)?KEY:(?:[ \t]+(?P<value>{_VALUE}))?{_END}"
 """Pattern of a key of the file, or of the template's comment for it."""
@@ -52,6 +53,8 @@ class ProjectText:
         At most one of them; None where there is none.
     tables
         Files of picks, lines, measure, and, where there are some, control and check.
+    leave_out
+        Names of photos among `images` that take no part.
     offset_s
         Camera clock minus UTC [s]; None: from the log's camera events.
     origin
@@ -66,6 +69,7 @@ class ProjectText:
     log: str | None
     poses: str | None
     tables: Mapping[str, str]
+    leave_out: Sequence[str] = ()
     offset_s: float | None = None
     origin: AssumedOrigin | None = None
     name_format: str | None = None
@@ -73,6 +77,7 @@ class ProjectText:
 
 _COMMENTS = {
     "images": "a pattern, or a list of patterns",
+    "leave_out": "photos of these that take no part, nor do their picks",
     "camera": "a camera file; auto: from the photos' tags; unknown: any drone's",
     "log": "the flight log: ArduPilot .bin, .log or .tlog, PX4 .ulg",
     "poses": "poses of the photos, where there is no log: exif, or a file",
@@ -87,6 +92,7 @@ _COMMENTS = {
     "plan": "the plan: `uavgram pick` lists the lines to mark",
 }
 _EXAMPLES = {
+    "leave_out": "[IMG_0007.JPG]",
     "log": "flight.BIN",
     "known": "known.csv",
     "control": "control.csv",
@@ -146,7 +152,8 @@ def project_text(project: ProjectText) -> str:
     images = [_scalar(pattern) for pattern in project.images]
     values: dict[str, str | None] = {
         "name": _scalar(project.name),
-        "images": images[0] if len(images) == 1 else f"[{', '.join(images)}]",
+        "images": images[0] if len(images) == 1 else _yaml(project.images),
+        "leave_out": _yaml(project.leave_out) if project.leave_out else None,
         "camera": _scalar(project.camera),
         "log": project.log and _scalar(project.log),
         "poses": project.poses and _scalar(project.poses),
@@ -220,18 +227,21 @@ def apply_settings(text: str, settings: Settings) -> str | None:
         if isinstance(value, Mapping):
             _set_section(lines, key, value)
         else:
-            _set_scalar(lines, key, value)
+            _set_value(lines, key, value)
     changed = "\n".join(lines)
     changed = changed.replace("\n", "\r\n") if is_windows else changed
     return changed if _parse_mapping(changed) == _merged(_parse_mapping(text), settings) else None
 
 
-def _set_scalar(lines: list[str], key: str, value: Scalar) -> None:
+def _set_value(lines: list[str], key: str, value: Scalar | Sequence[str]) -> None:
     at, head = _find(lines, _HEAD, key)
     if head is None:
-        _append(lines, f"{key}: {_yaml(value)}")
-    elif head["value"] or lines[at].startswith("#"):
-        lines[at] = f"{key}: {_yaml(value)}{head['end']}"
+        _append(lines, setting_text(key, value))
+        return
+    if not head["value"] and not lines[at].startswith("#"):  # a list, one item a line below
+        while at + 1 < len(lines) and re.match(r"[ ]*- ", lines[at + 1]):
+            del lines[at + 1]
+    lines[at] = f"{setting_text(key, value)}{head['end']}"
 
 
 def _set_section(lines: list[str], key: str, values: Mapping[str, Scalar]) -> None:
@@ -279,7 +289,14 @@ def _is_inside(line: str) -> bool:
     return line.startswith((" ", "#  "))
 
 
-def _yaml(value: object) -> str:
+def setting_text(key: str, value: Scalar | Sequence[str]) -> str:
+    """Return a line of the project file that sets a key."""
+    return f"{key}: {_yaml(value)}"
+
+
+def _yaml(value: Scalar | Sequence[str]) -> str:
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return f"[{', '.join(map(_scalar, value))}]"
     return _scalar(value) if isinstance(value, str) else json.dumps(value)
 
 
@@ -297,7 +314,10 @@ def _merged(said: dict[str, object], settings: Settings) -> dict[str, object]:
     for key, value in settings.items():
         before = merged.get(key)
         inside = before if isinstance(before, dict) else {}
-        merged[key] = {**inside, **value} if isinstance(value, Mapping) else value
+        if isinstance(value, Mapping):
+            merged[key] = {**inside, **value}
+        else:
+            merged[key] = value if value is None or isinstance(value, str | float) else [*value]
     return merged
 
 

@@ -316,7 +316,7 @@ class ListedFolder:
     path
         Without links.
     photos
-        Number of photos in it; if there are none, in its subfolders.
+        Number of files with a photo's name in it; if there are none, in its subfolders.
     are_inner
         Whether they are in its subfolders.
     has_project
@@ -396,7 +396,7 @@ class Browsable:
 
 
 def count_photos(folder: Path) -> ListedFolder:
-    """Count the photos of a folder, or of its subfolders; unreadable ones count as empty."""
+    """Count the photos of a folder, or of its subfolders, by their names."""
     names = _names(folder)
     photos = own = _photos(names)
     if not own:

@@ -332,7 +332,8 @@ TIES_FILE = "ties.csv"
 class Project(_Options):
     """Project file: input files and all options.
 
-    Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto``,
+    Paths are those of the file, made absolute; `images` are patterns, and `leave_out` names photos
+    among them that take no part, nor do their picks. `camera` is ``auto``,
     ``unknown`` or a path; `poses` is ``exif``, a path or several, and replaces `log`. `crs` is the
     projected coordinate system of maps and drawings; ``auto``: the UTM zone. `operator` is the
     person responsible for the survey. `ties` is ``auto`` or a path. `plan` is the plan made before
@@ -347,6 +348,7 @@ class Project(_Options):
     picks: str
     log: str | None = None
     poses: str | tuple[str, ...] | None = None
+    leave_out: tuple[str, ...] = ()
     lines: str | None = None
     known: str | None = None
     measure: str | None = None
@@ -394,6 +396,7 @@ class Project(_Options):
             **{key: (getattr(self, key) != "", "must not be empty") for key in texts},
             **self._pose_rules(),
             "images": (named, "must name at least one file or pattern"),
+            "leave_out": (all(self.leave_out), "must not be empty"),
             "picks_identification_sigma_m": _size(self.picks_identification_sigma_m),
         }
 

@@ -287,14 +287,17 @@ def remove_record(outcome: Outcome) -> None:
 def _claim_folder(project: Project) -> AbstractContextManager[Callable[[], None] | None]:
     """Claim the output folder; no claim to one that will be refused, as it holds the photos."""
     output = Path(project.output).resolve()
-    if any(Path(one).resolve().parent == output for one in find_photos(project.images)):
+    if any(
+        Path(one).resolve().parent == output
+        for one in find_photos(project.images, project.leave_out)
+    ):
         return nullcontext()
     return claim_folder(project.output)
 
 
 def _inputs(path: Path, project: Project) -> list[str]:
     named = named_files(path, project, project.picks, project.lines, project.measure)
-    photos = map(str, find_photos(project.images))
+    photos = map(str, find_photos(project.images, project.leave_out))
     return [str(Path(one).absolute()) for one in (*named, *photos)]
 
 

@@ -188,16 +188,14 @@ def pattern_of(folder: Path, group: PhotoGroup) -> str:
     return f"{start}*{group.suffix}"
 
 
-def _name_photos(
+def _list_damaged(
     folder: Path, groups: Sequence[PhotoGroup], patterns: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the patterns of photos; or their names, if the patterns match damaged photos, too."""
+    """List the names of photos that the patterns match and that cannot be used."""
     wanted = {path for group in groups for path in group.files}
     absolute = tuple(make_absolute(folder, pattern) for pattern in patterns)
     photos, _ = separate_unread(find_photos(absolute), absolute)
-    if set(photos) == wanted:
-        return tuple(patterns)
-    return tuple(glob.escape(_relative(folder, path)) for path in sorted(wanted))
+    return tuple(path.name for path in photos if path not in wanted)
 
 
 def make_absolute(folder: Path, pattern: str) -> str:
@@ -463,10 +461,12 @@ def _describe_project(folder: Path, choices: Choices, notes: Notes) -> tuple[Pro
     holdings = search_folder(folder)
     groups = choose_photos(folder, holdings, choices)
     patterns = choices.images or [pattern_of(folder, group) for group in groups]
-    images = _name_photos(folder, groups, patterns)
-    photos, _ = read_photos(tuple(make_absolute(folder, image) for image in images), TimeOptions())
+    leave_out = _list_damaged(folder, groups, patterns)
+    photos, _ = read_photos(
+        tuple(make_absolute(folder, image) for image in patterns), TimeOptions(), leave_out
+    )
     width, height = groups[0].size_px
-    count, names = len(photos.frame_id), listed(images)
+    count, names = len(photos.frame_id), listed(patterns)
     what = "photo" if count == 1 else "photos"
     notes.found.append(f"{count} {what} of {width} x {height} px: {names}")
     camera = choose_camera(folder, holdings.cameras, choices.camera, photos, notes)
@@ -482,7 +482,8 @@ def _describe_project(folder: Path, choices: Choices, notes: Notes) -> tuple[Pro
         notes.messages.append(Message("info", PASSED_OVER, others))
     text = ProjectText(
         name=folder.name or "survey",
-        images=images,
+        images=patterns,
+        leave_out=leave_out,
         camera=camera,
         log=log,
         poses=poses,

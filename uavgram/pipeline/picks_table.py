@@ -74,7 +74,7 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
     before = path.read_bytes() if path.exists() else None
     if _changed(inputs, before):
         raise InputError(path, "was changed by another program meanwhile: run this once more")
-    content = update_picks(before, inputs.picks, after)
+    content = update_picks(before, inputs.picks, after, inputs.unused_picks)
     if content is None or content == before:
         return path
     if before is None:

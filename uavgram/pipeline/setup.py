@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import glob
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -347,6 +347,28 @@ def _changes(before: Setup, after: Setup) -> Settings:
     if case:
         changes["case"] = case
     return changes
+
+
+def change_left_out(path: Path, names: Collection[str], *, is_taken_back: bool) -> None:
+    """Leave photos out of a project, or take them back; their picks stay in the table.
+
+    Parameters
+    ----------
+    path
+        The project file.
+    names
+        Names of photos.
+    is_taken_back
+        Whether they take part again.
+
+    Raises
+    ------
+    UavgramError
+        The file cannot be changed in that place.
+    """
+    before = load_project(path, unfinished=True).leave_out
+    kept = [name for name in before if name not in names]
+    _write(path, {"leave_out": kept if is_taken_back else [*kept, *sorted(names)]})
 
 
 CASE: tuple[Literal["number", "title", "place", "date", "agency"], ...] = (

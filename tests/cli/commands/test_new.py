@@ -289,11 +289,12 @@ def test_a_damaged_photo_among_others_is_passed_over(
     assert main(["new", str(folder), *images]) == 0
 
     said = capsys.readouterr().out
-    assert "3 photos are left out, because they cannot be used: P0.jpg (is empty" in said
+    assert "3 photos cannot be used: P0.jpg (is empty" in said
     assert "Q[1].jpg (" in said
     assert "R.jpg (is a link to a file that is not there)" in said
-    named = load_project(folder / "project.yaml").images
-    assert sorted(Path(name).name for name in named) == [path.name for path in whole]
+    project = load_project(folder / "project.yaml")
+    assert [Path(pattern).name for pattern in project.images] == ["*.jpg"]
+    assert project.leave_out == ("P0.jpg", "Q[1].jpg", "R.jpg")
     assert main(["check", str(folder)]) == 0
 
 

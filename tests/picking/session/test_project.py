@@ -72,6 +72,18 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(
     assert b"ours" in (tmp_path / "picks-from-page.csv").read_bytes()
 
 
+def test_only_damaged_photos_are_left_out_and_only_those_taken_back(
+    server: Server, project: Path
+) -> None:
+    before = project.read_bytes()
+    with Page(server) as page:
+        for fields in ({"names": ["P1.jpg"]}, {"names": ["P1.jpg"], "is_taken_back": True}):
+            refused = ask_project(page, "leave-out", **fields)
+            assert "'P1.jpg' is no such photo" in refused["why"]
+        assert "names must be a list" in ask_project(page, "leave-out", names=[])["why"]
+    assert project.read_bytes() == before
+
+
 def test_what_the_page_has_is_saved_before_the_project_is_read_again(
     server: Server, project: Path, tmp_path: Path
 ) -> None:

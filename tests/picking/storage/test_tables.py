@@ -97,7 +97,7 @@ class Working:
     """Tables and the session that they keep, without a server."""
 
     def __init__(self, project: Path) -> None:
-        inputs = read_inputs(project, unfinished=True, leave_out=True)
+        inputs = LiveSurvey.open(project).inputs
         self.tables = Tables(inputs)
         self.session = Session(state=self.tables.recovered or self.tables._files)
 

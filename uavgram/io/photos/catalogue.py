@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import glob
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,7 +22,6 @@ from uavgram.io.photos.metadata import (
     exif_text,
     read_all_camera_tags,
     read_exif_tags,
-    read_image_size,
     read_image_sizes,
 )
 from uavgram.io.tables.csv_tables import is_formula
@@ -34,8 +34,39 @@ from uavgram.model.provenance import InputDigest
 
 PASSED_OVER = "files-passed-over"
 """Code of the message on files that are not used."""
-DAMAGED_PHOTO = "photo-damaged"
-"""Code of the message on photos that are damaged, and left out."""
+
+MAX_NAMED = 10
+"""Number of unusable photos that an error names."""
+
+
+class UnusablePhotosError(InputError):
+    """Photos of a project that are damaged, empty, or no photos.
+
+    Parameters
+    ----------
+    photos
+        At least one of them.
+    way_out
+        Remedy for all of them together, as a clause; may be empty.
+
+    Attributes
+    ----------
+    photos
+        All of them; the message names the first ones.
+    """
+
+    def __init__(self, photos: Sequence[UnusableFile], way_out: str = "") -> None:
+        self.photos = tuple(photos)
+        (first, reason), *others = self.photos[:MAX_NAMED]
+        if len(self.photos) == 1:
+            text = f"{reason}, or {way_out}" if way_out else reason
+        else:
+            lines = [reason, *(f"{path}: {why}" for path, why in others)]
+            if (more := len(self.photos) - MAX_NAMED) > 0:
+                lines.append(f"... and {more} more photos that cannot be used")
+            text = "\n".join([*lines, f"Or {way_out}" if way_out else ""]).rstrip()
+        super().__init__(first, text)
+
 
 _MOMENT = re.compile(
     r"(?P<year>(?:19|20)\d\d)(?P<a>[-_.]?)(?P<month>[01]\d)(?P<b>[-_.]?)(?P<day>[0-3]\d)"
@@ -89,7 +120,7 @@ class _Reading:
 
 
 def read_photos(
-    patterns: tuple[str, ...], options: TimeOptions, *, leave_out: bool = False
+    patterns: tuple[str, ...], options: TimeOptions, left_out: Collection[str] = ()
 ) -> tuple[Photos, tuple[Message, ...]]:
     """Find the photos of a project and read their sizes and capture times.
 
@@ -99,19 +130,21 @@ def read_photos(
         Absolute file names or patterns.
     options
         Source of the times; `auto` takes EXIF where most photos have it, else none.
-    leave_out
-        Whether damaged photos are left out, with a message; otherwise they are an error.
+    left_out
+        Names of photos that are not read.
 
     Raises
     ------
+    UnusablePhotosError
+        Files are damaged, or no photos.
     InputError
-        A pattern matches nothing, two photos have one name, a file is not a photo, or has no time
-        at the source that the project names.
+        A pattern matches nothing, two photos have one name, or one has no time at the source that
+        the project names.
     """
-    matching, unread = separate_unread(find_photos(patterns), patterns)
+    matching, unread = separate_unread(find_photos(patterns, left_out), patterns)
     size_of, unusable = read_image_sizes(matching)
-    if unusable and (not size_of or not leave_out):
-        read_image_size(unusable[0].path)  # raises the reason
+    if unusable:
+        raise UnusablePhotosError(unusable)
     paths = list(size_of)
     sizes = np.array(list(size_of.values()), dtype=np.float64)
     readings, source, messages = _times(paths, options)
@@ -125,8 +158,7 @@ def read_photos(
         time_source=source,
     )
     passed = (Message("info", PASSED_OVER, describe_files(unread)),) if unread else ()
-    damaged = report_unusable_photos(unusable)
-    return photos, (*passed, *damaged, *messages, *_like_formulas(photos.frame_id))
+    return photos, (*passed, *messages, *_like_formulas(photos.frame_id))
 
 
 def report_unusable_photos(unusable: Iterable[UnusableFile]) -> tuple[Message, ...]:
@@ -134,11 +166,11 @@ def report_unusable_photos(unusable: Iterable[UnusableFile]) -> tuple[Message, .
     return tuple(
         Message(
             "warning",
-            DAMAGED_PHOTO,
-            f"The photo {path.name} is left out, as it {reason}.",
+            "photo-damaged",
+            f"The photo {path.name} cannot be used, as it {reason}.",
             frames=(path.name,),
             several=MessagePlural(
-                "{count} photos are left out, because they cannot be used",
+                "{count} photos cannot be used",
                 path.name,
                 reason.partition(":")[0],
                 ending="Copy them from the camera once more, or take them out of the folder.",
@@ -174,19 +206,40 @@ def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:
     return (Message("warning", "photo-name-formula", text),)
 
 
-def find_photos(patterns: tuple[str, ...]) -> list[Path]:
-    """Find the files of the patterns, in the order of their names."""
+def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> list[Path]:
+    """Find the files of the patterns but those left out, in the order of their names.
+
+    Raises
+    ------
+    InputError
+        A pattern matches nothing, two files have one name, or all are left out. A file that is left
+        out may be missing.
+    """
     found: dict[str, Path] = {}
+    own_names = {*left_out, *map(glob.escape, left_out)}
     for pattern in patterns:
+        if Path(pattern).name in own_names:
+            continue
         files = find_matching_files(pattern, "correct `images` in the project")
         for path in files:
+            if path.name in left_out:
+                continue
             check_name(path)
             other = found.setdefault(path.name, path)
             if other.resolve() != path.resolve():
                 raise InputError(
                     path, f"has the name of {other}; picks name photos by it: rename one"
                 )
+    if not found:
+        raise InputError(patterns[0], "all of its photos are left out: correct `leave_out`")
     return [found[name] for name in sorted(found)]
+
+
+def list_absent(patterns: tuple[str, ...], names: Collection[str]) -> list[str]:
+    """List the names that no file of the patterns has."""
+    every = (name for pattern in patterns for name in glob.iglob(pattern, recursive=True))  # noqa: PTH207
+    there = {Path(name).name for name in every}
+    return sorted(name for name in names if name not in there)
 
 
 def _times(

@@ -30,7 +30,7 @@ START = b"\xff\xd8"
 EXIF_HEAD = b"Exif\x00\x00"
 XMP_HEAD = b"http://ns.adobe.com/xap/1.0/\x00"
 LARGEST_SEGMENT = 65533
-TAKE_OUT = "take it out of the folder, or out of `images`"
+TAKE_OUT = "take it out of the folder"
 _ALONE = {0x01, *range(0xD0, 0xD9)}  # TEM, RSTn, SOI: no length follows
 
 

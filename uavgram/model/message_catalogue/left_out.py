@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from uavgram.model.message_catalogue.entry import ERROR, NOTE, WARNING, Effect, Entry, Order
+from uavgram.model.message_catalogue.entry import (
+    ERROR,
+    NOTE,
+    WARNING,
+    WARNING_OR_NOTE,
+    Effect,
+    Entry,
+    Order,
+)
 
 EXCLUDED = (
     Entry(
@@ -56,24 +64,30 @@ EXCLUDED = (
             "A photo cannot be used: it is cut off, empty, or no photo. The message states which."
         ),
         consequence=(
-            "A new project does not use it. The page opens a project that names it, but measures "
-            "nothing there, and the commands refuse it."
+            "A new project leaves it out. The page opens an existing project without it, but "
+            "measures nothing there, and the commands refuse the project."
         ),
-        action="Copy it from the camera once more, or take it out of the folder.",
+        action=(
+            "Copy it from the camera once more. To go on without it, press *Leave out* on the "
+            "page, or write its name into `leave_out` of the project."
+        ),
     ),
     Entry(
-        "picks-in-damaged-photo",
-        WARNING,
-        finding="Picks are in a photo that cannot be used.",
+        "photo-left-out",
+        WARNING_OR_NOTE,
+        finding="The project leaves out a photo, by `leave_out`.",
         consequence=(
-            "They take no part on the page, and neither do tie points there. They stay in their "
-            "tables. `run` refuses the project."
+            "Its picks and tie points take no part, nor do matches found from its picks. They stay "
+            "in their tables."
         ),
-        action="Copy the photo from the camera once more, or take it out of `images`.",
-        effect=Effect.AMBER,
-        order=Order.LEFT_OUT,
-        one="{frames} is damaged, so its picks take no part.",
-        several="{frames} are damaged, so their picks take no part.",
+        action="To use it again, take its name out of `leave_out`.",
+        order=Order.EXCLUDED,
+    ),
+    Entry(
+        "left-out-unknown",
+        WARNING,
+        finding="A name in `leave_out` is that of no photo, and no pick is in such a photo.",
+        action="Correct the name, or take it out.",
     ),
     Entry(
         "frame-left-out",

@@ -257,6 +257,14 @@ class Reload:
     """Read the project again from its present files; undo and redo start afresh."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class LeaveOut:
+    """Leave photos out of the project by `leave_out`, or take them back, and read it again."""
+
+    names: tuple[str, ...]
+    is_taken_back: bool = False
+
+
 @dataclass(frozen=True)
 class TakeAside:
     """Apply the changes that an earlier session could not save."""
@@ -314,6 +322,7 @@ ProjectAction = (
     Refuse
     | Export
     | Reload
+    | LeaveOut
     | TakeAside
     | DiscardAside
     | Folders

@@ -605,6 +605,8 @@ class PickingState(Standing):
     pick_sigma_px: float
     reading_sigma_m: float
     photos: list[Photo]
+    damaged: list[str]
+    left_out: list[str]
     camera: Camera
     clock: Clock | None
     flight: Flight | None
@@ -768,6 +770,7 @@ Answers = TypedDict(
         "folders": PhotoFolders,
         "refuse": Done,
         "reload": Done,
+        "leave-out": Done,
         "calibrate": Done,
         "stop-calibration": Done,
         "use-camera": Done,

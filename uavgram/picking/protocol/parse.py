@@ -277,6 +277,12 @@ class _Fields:
             found.append(change)
         return tuple(found)
 
+    def names(self, name: str) -> tuple[str, ...]:
+        values = self._take(name)
+        if not isinstance(values, list) or not 0 < len(values) <= MAX_PAIRS:
+            _refuse(f"{name} must be a list of 1 to {MAX_PAIRS} names")
+        return tuple(_Fields({name: value}, ()).text(name) for value in values)
+
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
         if not isinstance(values, list) or len(values) > MAX_POINTS:
@@ -322,6 +328,7 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "end": lambda f: f.label("end"),
     "was": lambda f: f.text("was", empty=True),
     "name": lambda f: f.text("name"),
+    "names": lambda f: f.names("names"),
     "sigma_px": lambda f: f.optional("sigma_px"),
     "height_m": lambda f: f.optional("height_m"),
     "height_sigma_m": lambda f: f.optional("height_sigma_m"),
@@ -370,6 +377,7 @@ KINDS: dict[str, type[Body]] = {
     "redo": c.Redo,
     "export": c.Export,
     "reload": c.Reload,
+    "leave-out": c.LeaveOut,
     "take-aside": c.TakeAside,
     "discard-aside": c.DiscardAside,
     "folders": c.Folders,

@@ -31,6 +31,10 @@ MAX_RECENT = 8
 PREVIEW_PX = 512
 
 
+_FOUND = "photos", "unusable", "logs", "cameras", "poses", "gcp_lists"
+"""Files of a `FolderSummary` that other programs make."""
+
+
 class FolderChooser:
     """Folders that may be chosen, by their numbers, and the files found in them.
 
@@ -189,8 +193,8 @@ class FolderChooser:
         Raises
         ------
         UavgramError
-            The request names files that were not found, the photos cannot be used as they are, or
-            nothing can be written.
+            The request names files that were not found, the folder has changed since it was shown,
+            the photos cannot be used as they are, or nothing can be written.
         """
         fields = _object(request)
         folder = self._folder(str(fields.get("folder", "")))
@@ -201,6 +205,8 @@ class FolderChooser:
             return self._project(folder)
         if found is None:
             raise RefusedError("the folder was not looked through: choose it again")
+        if change := _describe_change(found, inspect_folder(folder)):
+            raise RefusedError(change)
         return set_up(folder, _wanted(fields, found))
 
     def _folder(self, number: str) -> Path:
@@ -226,6 +232,20 @@ class FolderChooser:
             "is_flight": one.is_flight(self._collections),
             "has_project": one.has_project,
         }
+
+
+def _describe_change(shown: FolderSummary, now: FolderSummary) -> str:
+    """Describe how the usable files of a folder differ from those shown; empty where they do not.
+
+    Photos may be copied, or become damaged, while a person looks at the page.
+    """
+    if all(getattr(shown, name) == getattr(now, name) for name in _FOUND):
+        return ""
+    were, are = (sum(group.count for group in one.photos) for one in (shown, now))
+    count = f"It has {are} photos that can be used, not {were}." if are != were else ""
+    damaged = (text for text in now.unusable if text not in shown.unusable)
+    found = "The files of this folder have changed since they were listed."
+    return " ".join(filter(None, (found, count, *damaged, "Look at the list, and begin again.")))
 
 
 def _object(request: bytes) -> dict[str, Any]:

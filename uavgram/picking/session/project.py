@@ -7,6 +7,7 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from anyio import to_thread
@@ -23,6 +24,7 @@ from uavgram.picking.storage.tables import FileWatch, Tables
 from uavgram.pipeline.calibrate import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
+from uavgram.pipeline.setup import change_left_out
 
 log = logging.getLogger(__name__)
 
@@ -140,10 +142,11 @@ class OpenProject:
                 await self._use_camera()
             case c.Reload():
                 await self._reload()
-            case c.TakeAside():
-                return {"t": "done", "refused": await self._deal_with_aside(take=True)}
-            case c.DiscardAside():
-                await self._deal_with_aside(take=False)
+            case c.LeaveOut():
+                await self._leave_out(action)
+            case c.TakeAside() | c.DiscardAside():
+                is_taken = isinstance(action, c.TakeAside)
+                return {"t": "done", "refused": await self._deal_with_aside(take=is_taken)}
         return {"t": "done"}
 
     async def _exported(self) -> m.Exported:
@@ -201,6 +204,17 @@ class OpenProject:
                 "photos of their size"
             )
         await to_thread.run_sync(use_camera, self._path, made)
+        await self._reload()
+
+    async def _leave_out(self, action: c.LeaveOut) -> None:
+        inputs, damage = self.picking.survey.inputs, self.picking.survey.damage
+        damaged = {photo.path.name for photo in damage.photos} if damage else set[str]()
+        known = inputs.project.leave_out if action.is_taken_back else damaged
+        if unknown := [name for name in action.names if name not in known]:
+            raise RefusedError(f"{unknown[0]!r} is no such photo: read the project again")
+        back = action.is_taken_back
+        change = partial(change_left_out, self._path, action.names, is_taken_back=back)
+        await to_thread.run_sync(change)
         await self._reload()
 
     async def _reload(self) -> None:

@@ -17,6 +17,7 @@ from uavgram.errors import OutputError
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.photos.preview import Tone, read_preview
 from uavgram.imaging.photos.tiles import TILE_PX, PhotoFile, TiledPhotos
+from uavgram.io.photos.catalogue import report_unusable_photos
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.history import Session, apply
@@ -149,7 +150,8 @@ class PickSession:
 
     def initial_state(self) -> m.PickingState:
         """Return everything that a page needs at its start."""
-        inputs, posed = self.survey.inputs, self.survey.posed
+        inputs, posed, damage = self.survey.inputs, self.survey.posed, self.survey.damage
+        damaged = report_unusable_photos(damage.photos) if damage else ()
         return {
             "t": "initial-state",
             "units": asdict(inputs.project.units),
@@ -158,6 +160,8 @@ class PickSession:
             "pick_sigma_px": inputs.project.picks_sigma_px,
             "reading_sigma_m": inputs.project.tape.reading_sigma_m,
             "photos": photos_json(self.survey, self.photos),
+            "damaged": [one.frames[0] for one in damaged],
+            "left_out": sorted(inputs.project.leave_out),
             "camera": camera_json(self.survey),
             "clock": clock_json(self.survey),
             "flight": flight_json(self.survey),
@@ -172,7 +176,12 @@ class PickSession:
             "expected": self._expected(),
             "recovered": self.recovered is not None,
             "messages": messages_json(
-                (*self._saver.messages, *inputs.messages, *(posed.messages if posed else ()))
+                (
+                    *damaged,
+                    *self._saver.messages,
+                    *inputs.messages,
+                    *(posed.messages if posed else ()),
+                )
             ),
             "state": state_json(self.state, self.index),
             **self._standing(),

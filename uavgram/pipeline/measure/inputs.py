@@ -13,13 +13,14 @@ from unicodedata import normalize
 import numpy as np
 
 from uavgram.config.project import load_project, project_file
+from uavgram.config.project_text import setting_text
 from uavgram.errors import InputError, near_miss
 from uavgram.geometry.camera.projection import share_without_rays
 from uavgram.imaging.photos.decoding import is_same_exposure
-from uavgram.input_files import unread_format
+from uavgram.input_files import UnusableFile, unread_format
 from uavgram.io.files import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.photos.catalogue import DAMAGED_PHOTO, read_photos
+from uavgram.io.photos.catalogue import MAX_NAMED, UnusablePhotosError, list_absent, read_photos
 from uavgram.io.photos.metadata import exif_text, read_camera_tags, read_exif_tags
 from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_pose_sources
 from uavgram.io.photos.pose_tags import ASK_FOR_MOUNT, first_maker
@@ -39,7 +40,8 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration, Readout, published_readout
 from uavgram.model.flight_log import FlightLog
 from uavgram.model.frames import PhotoPoses, Photos
-from uavgram.model.message import Message
+from uavgram.model.message import Message, MessagePlural
+from uavgram.model.naming import listed
 from uavgram.model.observations import (
     NO_CONTROL_LINES,
     NO_KNOWN,
@@ -134,7 +136,9 @@ def _photo_hint(image: str, photos: Photos) -> str:
     for folder in {Path(path).parent for path in photos.path}:
         if known := unread_format(folder / image):
             return f"; it is a {known.name}: {known.way_out}"
-    return f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""
+    near = near_miss(image, photos.frame_id)
+    gone = f"if that photo is lost, write `{setting_text('leave_out', [image])}` into the project"
+    return f"{f' ({near})' if near else ''}; {gone}"
 
 
 if TYPE_CHECKING:
@@ -171,7 +175,8 @@ class Inputs:
     digests
         Chain of custody: every file that was read, the project file first.
     unused_picks
-        Rows of the table of picks that are in photos that cannot be used; `picks` has all others.
+        Rows of the table of picks that are in photos that are left out, or were found from there;
+        `picks` has all others.
     """
 
     project_path: str
@@ -205,7 +210,11 @@ class Inputs:
 
 
 def read_inputs(
-    path: Path, *, unfinished: bool = False, unpicked: bool = False, leave_out: bool = False
+    path: Path,
+    *,
+    unfinished: bool = False,
+    unpicked: bool = False,
+    without: Collection[str] = (),
 ) -> Inputs:
     """Read and validate every input of a project; run nothing.
 
@@ -218,11 +227,13 @@ def read_inputs(
         empty.
     unpicked
         Whether the table of picks may be empty.
-    leave_out
-        Whether damaged photos are left out, with their picks; otherwise they are an error.
+    without
+        Names of photos to leave out, with their picks, besides those that the project leaves out.
 
     Raises
     ------
+    UnusablePhotosError
+        Photos are damaged; the message names the first ones, and the way to go on without them.
     InputError
         The first problem found, with file, line, frame or label.
     """
@@ -250,12 +261,16 @@ def read_inputs(
     control = read_known_points(project.control) if project.control else NO_POINTS
     control_lines = _control_lines(project, known)
     check = read_known_points(project.check) if project.check else NO_POINTS
-    photos, photo_messages = read_photos(project.images, project.time, leave_out=leave_out)
-    unusable = {m.frames[0] for m in photo_messages if m.code == DAMAGED_PHOTO}
-    unused_picks = tuple(i for i, image in enumerate(picks.image) if image in unusable)
-    photo_messages += _report_unused(picks, unused_picks)
-    picks = picks.take([i for i in range(len(picks.image)) if i not in set(unused_picks)])
-    ties = _without_photos(ties, unusable)
+    left_out = frozenset(project.leave_out).union(without)
+    try:
+        photos, photo_messages = read_photos(project.images, project.time, left_out)
+    except UnusablePhotosError as fault:
+        way_out = _way_without(path, project, fault.photos)
+        raise UnusablePhotosError(fault.photos, way_out) from None
+    photo_messages += tuple(_report_left_out(project, picks, photos))
+    unused_picks = tuple(_list_unused(picks, left_out))
+    picks = picks.take(np.setdiff1d(np.arange(len(picks.image)), unused_picks).tolist())
+    ties = _without_photos(ties, left_out)
     calibration, messages = _camera(project, photos)
     for readout in _readout(project, calibration, photos):
         calibration = replace(calibration, readout=readout)
@@ -296,22 +311,55 @@ def read_inputs(
     )
 
 
-def _report_unused(picks: Picks, rows: Sequence[int]) -> tuple[Message, ...]:
-    """Report the picks in each photo that cannot be used."""
-    labels: dict[str, dict[str, None]] = {}
-    for row in rows:
-        labels.setdefault(picks.image[row], {})[picks.label[row]] = None
-    return tuple(
-        Message(
-            "warning",
-            "picks-in-damaged-photo",
-            f"{image} is damaged, so its picks ({', '.join(names)}) take no part. They stay in the "
-            "table. Copy the photo from the camera once more: until then there is no report.",
+def _way_without(path: Path, project: Project, photos: Sequence[UnusableFile]) -> str:
+    """Return how to go on without some photos, as a clause."""
+    names = [*project.leave_out, *(photo.path.name for photo in photos)]
+    which = "it" if len(photos) == 1 else "them"
+    if len(names) > MAX_NAMED:
+        return f"leave {which} out by the button that `uavgram pick` shows for this project"
+    setting = setting_text("leave_out", names)
+    return f"write `{setting}` into {path.name} to go on without {which}"
+
+
+def _list_unused(picks: Picks, left_out: frozenset[str]) -> Iterator[int]:
+    """List the rows of picks in photos left out, or found from picks there."""
+    sources = picks.from_image or ("",) * len(picks.image)
+    for i, pair in enumerate(zip(picks.image, sources, strict=True)):
+        if not left_out.isdisjoint(pair):
+            yield i
+
+
+def _report_left_out(project: Project, picks: Picks, photos: Photos) -> Iterator[Message]:
+    """Report each photo that the project leaves out, with its picks; and names of no photo."""
+    labels: dict[str, dict[str, None]] = {name: {} for name in sorted(project.leave_out)}
+    for image, label in zip(picks.image, picks.label, strict=True):
+        if image in labels:
+            labels[image][label] = None
+    absent = list_absent(project.images, labels) if labels else ()
+    for image, names in labels.items():
+        if image in absent and not names:
+            near = near_miss(image, photos.frame_id)
+            text = (
+                f"`leave_out` names {image}, and no photo of the project has that name"
+                f"{f' ({near})' if near else ''}: correct it, or take it out of `leave_out`."
+            )
+            yield Message("warning", "left-out-unknown", text, frames=(image,))
+            continue
+        with_picks = (
+            f", with its picks of {listed(tuple(names), MAX_NAMED)}, which stay in the table"
+        )
+        yield Message(
+            "warning" if names else "info",
+            "photo-left-out",
+            f"The project leaves out {image} (`leave_out`){with_picks if names else ''}.",
             frames=(image,),
             labels=tuple(names),
+            several=MessagePlural(
+                "The project leaves out {count} photos (`leave_out`)",
+                image,
+                ending="Their picks stay in the table." if names else "",
+            ),
         )
-        for image, names in labels.items()
-    )
 
 
 def _without_photos(ties: TiePicks, photos: Collection[str]) -> TiePicks:

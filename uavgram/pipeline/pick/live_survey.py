@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.errors import InputError, UavgramError
+from uavgram.errors import UavgramError
 from uavgram.estimation.measuring.predicted_pixels import (
     FlightOfPhotos,
     PredictedPixels,
@@ -26,6 +26,7 @@ from uavgram.estimation.measuring.scale import LineAdvice, find_next_line
 from uavgram.estimation.survey.adjustment import Adjustment, compute_heights_at
 from uavgram.estimation.survey.observations.lengths import select_taped_known
 from uavgram.estimation.survey.unknowns import State
+from uavgram.io.photos.catalogue import UnusablePhotosError
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownLines, MeasurementRequest, Picks
 from uavgram.model.result.result import Result
@@ -127,15 +128,15 @@ class LiveSurvey:
     ----------
     inputs
         As read, with the initial picks, lengths and measurements of the session.
-    refused_because
-        Reason for which `uavgram run` refuses them, so that nothing is adjusted here either; empty
-        without any.
+    damage
+        Error on damaged photos that they lack, for which `uavgram run` refuses the project: nothing
+        is adjusted here either. None without any.
     """
 
     @with_one_blas_thread
-    def __init__(self, inputs: Inputs, refused_because: str = "") -> None:
+    def __init__(self, inputs: Inputs, damage: UnusablePhotosError | None = None) -> None:
         self.inputs = inputs
-        self.refused_because = refused_because
+        self.damage = damage
         self.posed: PosedFrames | None = None
         self.unposed_because = ""
         try:
@@ -156,8 +157,9 @@ class LiveSurvey:
         """
         try:
             return cls(read_inputs(project, unfinished=True))
-        except InputError as why:
-            return cls(read_inputs(project, unfinished=True, leave_out=True), str(why))
+        except UnusablePhotosError as why:
+            names = {photo.path.name for photo in why.photos}
+            return cls(read_inputs(project, unfinished=True, without=names), why)
 
     @with_one_blas_thread
     def adjust(self, observed: Observations) -> LiveAdjustment:
@@ -168,8 +170,8 @@ class LiveSurvey:
         UavgramError
             Nothing can be adjusted yet; the message names the missing inputs.
         """
-        if self.refused_because:
-            raise UavgramError(self.refused_because)
+        if self.damage is not None:
+            raise UavgramError(str(self.damage))
         if self.posed is None:
             raise UavgramError(self.unposed_because)
         if not observed.picks.image:

@@ -72,6 +72,14 @@ export class ProjectActions {
     if (answer?.refused) this.notice.show(`${answer.refused} of the changes do not fit any more and were left out.`);
   }
 
+  // Leaves photos out of the project, or takes them back; the server reads it again.
+  /** @param {string[]} names @param {boolean} isTakenBack */
+  async leaveOut(names, isTakenBack) {
+    const done = await this.ask({ t: "leave-out", names, is_taken_back: isTakenBack });
+    const which = names.length === 1 ? names[0] : `${names.length} photos`;
+    if (done) this.notice.show(isTakenBack ? `The project uses ${which} again.` : `The project leaves out ${which}. Under Photos it can be used again.`, true);
+  }
+
   async reload() {
     if (await this.ask({ t: "reload" })) this.notice.show("The project was read again from its files; undo begins anew.", true);
   }

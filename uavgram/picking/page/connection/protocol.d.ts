@@ -9,7 +9,7 @@ export type Answer = Snapped | NotSnapped | Side | TiePlaces | Ground;
 export type ActionAnswer = Exported | PhotoFolders | Done;
 export type ServerMessage = InitialState | Changed | LiveAdjusted | LiveUnadjusted | LiveLinearised | CalibrationRunning | CalibrationFailed | CalibrationDone | Refused | Closed | Saved | Outside | NewOutputs | NewProposals | Snapped | NotSnapped | Side | TiePlaces | Ground | Exported | PhotoFolders | Done;
 export type Change = Place | Repeat | Unpick | Forget | Rename | Merge | Split | Swap | SetSigma | SetHeight | SetLine | RemoveLine | SetMeasurement | RemoveMeasurement | All | Undo | Redo | Accept;
-export type Question = Snap | SameGround | SideView | Ties | Refuse | Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera;
+export type Question = Snap | SameGround | SideView | Ties | Refuse | Export | Reload | LeaveOut | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera;
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "coordinate" | "skid_speed" | "speed" | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
 export type Source = "hand" | "match" | "target";
 export type Target = "any" | "target";
@@ -133,9 +133,9 @@ export interface LiveUnadjusted { seq?: number | null; t: "live"; for: number; e
 // First-order update for a state.
 export interface LiveLinearised { seq?: number | null; t: "live"; for: number; expected?: Predicted[]; mode: "linearised"; residuals_px: ([number, string, number | null, number | null])[]; lines: Record<string, LengthWords | undefined>; measurements: Record<string, ValueWords | undefined>; heights: Record<string, HeightWords | undefined> }
 // Everything about photos and picks that a page needs at its start.
-export interface PickingState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals }
+export interface PickingState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; damaged: string[]; left_out: string[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals }
 // Everything that a page needs at its start.
-export interface InitialState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: CalibrationRunning | CalibrationFailed | CalibrationDone | null }
+export interface InitialState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; damaged: string[]; left_out: string[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: CalibrationRunning | CalibrationFailed | CalibrationDone | null }
 // Change of the picked state.
 export interface Changed { seq?: number | null; version: number; undo: number; redo: number; t: "changed"; diff: Difference }
 // Reason why a message of the page was refused.
@@ -168,7 +168,7 @@ export interface Exported { seq?: number | null; t: "exported"; why?: string; ou
 export interface PhotoFolders { seq?: number | null; t: "folders"; why?: string; folders: Folder[] }
 // End of an action; `refused`: number of changes that do not fit any more.
 export interface Done { seq?: number | null; t: "done"; why?: string; refused?: number }
-export interface Answers { snap: Snapped | NotSnapped; side: Side; ties: TiePlaces; ground: Ground; export: Exported; folders: PhotoFolders; refuse: Done; reload: Done; calibrate: Done; "stop-calibration": Done; "use-camera": Done; "take-aside": Done; "discard-aside": Done }
+export interface Answers { snap: Snapped | NotSnapped; side: Side; ties: TiePlaces; ground: Ground; export: Exported; folders: PhotoFolders; refuse: Done; reload: Done; "leave-out": Done; calibrate: Done; "stop-calibration": Done; "use-camera": Done; "take-aside": Done; "discard-aside": Done }
 // Folder in a list of the start page.
 export interface Listed { number: number; name: string; photos: number; is_flight: boolean; has_project: boolean }
 // Start of the start page: a folder, and those opened before.
@@ -235,6 +235,8 @@ export interface Redo { t: "redo"; step?: number; final?: boolean }
 export interface Export { t: "export"; step?: number; final?: boolean }
 // Read the project again from its present files; undo and redo start afresh.
 export interface Reload { t: "reload"; step?: number; final?: boolean }
+// Leave photos out of the project by `leave_out`, or take them back, and read it again.
+export interface LeaveOut { t: "leave-out"; step?: number; final?: boolean; names: string[]; is_taken_back?: boolean }
 // Apply the changes that an earlier session could not save.
 export interface TakeAside { t: "take-aside"; step?: number; final?: boolean }
 // Stop offering the changes that an earlier session could not save.

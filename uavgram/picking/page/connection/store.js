@@ -9,6 +9,8 @@ import { useUnits } from "../elements/units.js";
  * @property {boolean} begun whether the server has sent its first message
  * @property {string} project
  * @property {Photo[]} photos
+ * @property {string[]} damaged names of photos that cannot be used, so that nothing is measured
+ * @property {string[]} leftOut names of photos that the project leaves out
  * @property {number} tilePx
  * @property {number} pickSigmaPx
  * @property {number} readingSigmaM of a taped length, from the project file
@@ -53,6 +55,8 @@ export const store = {
   begun: false,
   project: "",
   photos: [],
+  damaged: [],
+  leftOut: [],
   tilePx: 0,
   pickSigmaPx: 1,
   readingSigmaM: 0.01,
@@ -114,11 +118,12 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, units, photos, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, ...message }) {
+function begin({ project, units, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, ...message }) {
   const { picks, repeated, lines, measurements } = message.state;
   useUnits(units);
   Object.assign(store, {
-    begun: true, project, photos, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
+    begun: true, project, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
+    leftOut: message.left_out,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
     readingSigmaM: message.reading_sigma_m,
@@ -207,8 +212,6 @@ export const proposalAt = (image, label) => (pickAt(image, label) ? undefined : 
 export const adjusted = () => (store.live?.mode === "adjusted" ? store.live : null);
 export const stale = () => store.liveFor < store.version;
 export const remarks = () => store.live?.messages ?? store.opening;
-const DAMAGE = ["photo-damaged", "picks-in-damaged-photo"];
-export const damage = () => store.opening.filter(({ code }) => DAMAGE.includes(code));
 /** @param {number} image @param {string} label */
 export const pickAt = (image, label) => store.picks.get(pickKey(image, label));
 /** @param {number} image @param {string} label */

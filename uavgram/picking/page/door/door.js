@@ -71,6 +71,7 @@ class Door {
       try {
         await send(`/door/begin?closes=${closes ? "yes" : "no"}`, wanted);
       } catch (fault) {
+        if ("setup" in wanted && !(fault instanceof OpenElsewhere || fault instanceof OpenAlready)) await this.look(wanted.folder); // what is there now
         if (fault instanceof OpenElsewhere) this.trouble(fault.message, [["Go to it", () => { location.replace(fault.there); }]]);
         else if (!(fault instanceof OpenAlready)) throw fault;
         else this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, { closes: true, hasLengths })]]);

@@ -7,8 +7,9 @@ import { shape, node } from "../elements/dom.js";
 const FOLDER = "M1 3.5h5l1.5 2H15v8H1z";
 const folderIcon = () => shape("svg", { class: "folder", viewBox: "0 0 16 16", width: 18, height: 18, "aria-hidden": "true" }, shape("path", { d: FOLDER }));
 
+// Files are counted by their names: whether they are whole is seen when the folder is looked through.
 /** @param {number} count */
-const photosText = (count) => `${count} photo${count === 1 ? "" : "s"}`;
+const photosText = (count) => `${count} photo file${count === 1 ? "" : "s"}`;
 
 /**
  * @param {Element} section @param {ListedFolders} shown @param {Listed[]} recent
@@ -23,7 +24,7 @@ export function showFolders(section, shown, recent, act) {
     node("nav", { class: "crumbs", "aria-label": "Where you are" }, crumb("This computer", number === null, () => act.list(null)),
       ...way.map((one, k) => crumb(one.name, k === way.length - 1, () => act.list(one.number)))),
     number === null ? "" : node("div", { class: "here" },
-      node("span", {}, photos ? `${photosText(photos)} ${is_flight ? "here" : "in folders of this one"}` : "No photos seen here"),
+      node("span", {}, photos ? `${photosText(photos)} ${is_flight ? "here" : "in folders of this one"}` : "No photo files seen here"),
       node("button", { name: "use", class: is_flight ? "main" : "", onclick: () => act.use(number) }, is_flight ? "Use this folder" : "Look through all its folders")),
     folders.length ? node("ul", { class: "folders", "aria-label": "Folders" }, ...folders.map((one) => row(one, act))) : node("p", { class: "dim" }, "No folders in it."));
 }

@@ -51,7 +51,7 @@ function formPart(folders, project) {
       onsubmit: (event) => { event.preventDefault(); void project.calibrate(new FormData(form)); },
     },
     node("label", { class: "both" }, "Folder with photos of a board", node("select", { name: "folder", required: true },
-      ...folders.map((one) => option(one.id, `${one.name}: ${one.photos} photos, ${one.width_px} \u00d7 ${one.height_px} px`)))),
+      ...folders.map((one) => option(one.id, `${one.name}: ${one.photos} photo files, ${one.width_px} \u00d7 ${one.height_px} px`)))),
     node("label", {}, "Board", node("select", { name: "kind", onchange: (event) => { form.dataset.kind = as(HTMLSelectElement, event.target).value; } }, option("chessboard", "Chessboard"), option("charuco", "ChArUco"))),
     node("label", {}, "Lens", node("select", { name: "model" }, ...Object.entries(LENSES).map(([model, words]) => option(model, words ?? model)))),
     field("columns", "Inner corners across", "9", "chess"), field("rows", "Inner corners down", "6", "chess"),

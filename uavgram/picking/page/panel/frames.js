@@ -1,22 +1,24 @@
 // The photos tab: time, match and seed of each photo, and unmatched photos and events.
 
-import { adjusted, damage, picksIn, store } from "../connection/store.js";
+import { adjusted, picksIn, store } from "../connection/store.js";
 import { linkButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
 import { about, cell, fill, folded, keep, list, standingSign, table, tableRow, titled, trusted } from "../elements/table.js";
 import { lengthUnit } from "../elements/units.js";
 import { flightMap, utcText } from "./flight_map.js";
+import { leaveOutButton } from "./verdict.js";
 
+/** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Adjusted, ClockOffset, Photo, Remark } from "../connection/protocol.js" */
 /** @typedef {{ photo: Photo, k: number, picks: number, found: Adjusted["frames"][number] }} Facts of a photo */
 
-/** @param {Element} section @param {(image: number) => void} show @param {number | undefined} current the photo in use */
-export function showFrames(section, show, current) {
+/** @param {Element} section @param {(image: number) => void} show @param {number | undefined} current the photo in use @param {ProjectActions} project */
+export function showFrames(section, show, current, project) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
   fill(section, [keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
-    keep("frames", [facts, store.clock, store.opening], () => node("div", {}, damagePart(), framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
+    keep("frames", [facts, store.clock, store.opening, store.leftOut], () => node("div", {}, damagedPart(project), framesPart(facts, show), leftOutPart(project), unmatchedPart(facts), foundPart()))]);
 }
 
 /** @param {Adjusted | null} now */
@@ -57,7 +59,13 @@ function framesPart(facts, show) {
     table("Photos", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
 }
 
-const damagePart = () => (damage().length ? titled("Damaged photos", list(damage())) : null);
+/** @param {ProjectActions} project */
+const damagedPart = (project) => (store.damaged.length ? titled("Damaged photos", list(store.opening.filter(({ code }) => code === "photo-damaged")), leaveOutButton(project)) : null);
+
+/** @param {ProjectActions} project */
+const leftOutPart = (project) => (store.leftOut.length ? titled("Left out by the project", table("Photos left out", ["photo", ""],
+  store.leftOut.map((name) => tableRow({ title: name, "data-row": `left out ${name}` }, cell({ class: "named", title: name }, node("bdi", {}, name)),
+    node("button", { name: "take-back", "aria-label": `Use ${name} again`, onclick: () => void project.leaveOut([name], true) }, "Use again"))))) : null);
 
 /** @param {Facts[]} facts */
 function unmatchedPart(facts) {

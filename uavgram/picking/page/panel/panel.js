@@ -33,14 +33,14 @@ export class Panel {
     for (const [name] of TABS) byId(`tab-${name}`).hidden = name !== tab;
     if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools, this.side);
     else if (tab === "results") showResults(section, () => this.show());
-    else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image), this.panes.active?.image);
+    else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image), this.panes.active?.image, this.project);
     else showCamera(section, this.state.folders ?? [], this.project);
     this.showTrust();
   }
 
   // Shows the light, and updates the button that depends on it.
   showTrust() {
-    showVerdict(byId("verdict"), this.tools);
+    showVerdict(byId("verdict"), this.tools, this.project);
     this.showFoot();
   }
 

@@ -1,16 +1,17 @@
 // The verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence, and
 // its remedies. Statistics and all else are folded behind "why". Level and words come from the server.
 
-import { adjusted, damage, remarks, stale, store } from "../connection/store.js";
+import { adjusted, remarks, stale, store } from "../connection/store.js";
 import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
 
+/** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Mend, Note, Remark } from "../connection/protocol.js" */
 
-/** @param {HTMLElement} box @param {Tools} tools */
-export function showVerdict(box, tools) {
+/** @param {HTMLElement} box @param {Tools} tools @param {ProjectActions} project */
+export function showVerdict(box, tools, project) {
   const { level, words } = light();
   const { first, why, unseen } = adjusted()?.verdict ?? unjudged();
   box.hidden = false;
@@ -20,21 +21,29 @@ export function showVerdict(box, tools) {
   const plain = first.plain || unseen;
   /** @param {Remark} remark */
   const buttons = (remark) => actionsOf(remark, isOld, tools);
-  fillIfNew(byId("first"), JSON.stringify([first, plain, isOld]), () => (plain ? [node("span", { title: first.text || plain }, plain), buttons(first) ?? ""] : []));
+  fillIfNew(byId("first"), JSON.stringify([first, plain, isOld, store.damaged]), () => (plain ? [node("span", { title: first.text || plain }, plain), buttons(first) ?? leaveOutButton(project) ?? ""] : []));
   const behind = first.plain === first.text || isTold(first, why) ? why : [first, ...why];
   byId("why").hidden = !behind.length;
   byId("why-title").textContent = `${first.text ? "Why" : "Warnings"} (${behind.length})`;
   fillIfNew(byId("reasons"), JSON.stringify([behind, isOld]), () => [list(behind, (remark) => (remark === first ? null : buttons(remark)))]);
 }
 
-// Warnings as remarks, before there are numbers; photos that are missing come first.
+// Warnings as remarks, before there are numbers; damaged photos come first.
 /** @param {Note} note @returns {Remark} */
 const asRemark = ({ level, code, text, labels }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
 const NOTHING = asRemark({ level: "warning", code: "", text: "", labels: [] });
 function unjudged() {
-  const [missing, ...others] = damage();
-  const why = remarks().filter(({ level, text }) => level !== "info" && (others.length || text !== missing?.text));
-  return { first: NOTHING, why: why.map(asRemark), unseen: missing?.text ?? "" };
+  const damage = store.opening.find(({ code }) => code === "photo-damaged");
+  const why = remarks().filter(({ level, text }) => level !== "info" && text !== damage?.text);
+  return { first: NOTHING, why: why.map(asRemark), unseen: damage?.text ?? "" };
+}
+
+/** The button that leaves all damaged photos out; none without any. @param {ProjectActions} project */
+export function leaveOutButton(project) {
+  const { damaged } = store;
+  if (!damaged.length) return null;
+  const words = `Leave ${damaged.length === 1 ? damaged[0] : `these ${damaged.length} photos`} out`;
+  return node("span", { class: "mends" }, node("button", { name: "leave-out", class: "main", title: "The project names them in leave_out; their picks stay in the table", onclick: () => void project.leaveOut(damaged, false) }, words));
 }
 
 // Returns whether another remark gives the reason at more length.
