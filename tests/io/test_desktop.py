@@ -91,7 +91,7 @@ def test_without_powershell_it_is_a_batch_file_that_takes_a_dropped_folder(
     # With & in its name a dropped path has no quotes: it comes from the whole command line.
     assert 'set "line=!cmdcmdline:~0,-1!"' in lines
     assert 'set "dropped=!line:*uavgram.cmd" =!"' in lines
-    run = lines.index('"!python!" -m uavgram "!dropped!"')
+    run = lines.index('"!python!" -P -m uavgram "!dropped!"')
     assert lines[run + 2] == "exit"  # else the name behind & is run
     assert "\n" not in path.read_bytes().decode().replace("\r\n", "")
 
@@ -100,7 +100,7 @@ def test_macos_gets_a_command_that_runs(tmp_path: Path) -> None:
     (path,) = write_shortcut(computer(tmp_path, "darwin", ODD), tmp_path)
     assert path.name == "uavgram.command"
     assert os.access(path, os.X_OK)
-    assert shlex.split(path.read_text().splitlines()[-1]) == ["exec", ODD, "-m", "uavgram"]
+    assert shlex.split(path.read_text().splitlines()[-1]) == ["exec", ODD, "-P", "-m", "uavgram"]
     subprocess.run(["sh", "-n", path], check=True)
 
 
@@ -108,8 +108,8 @@ def exec_of(entry: str) -> str:
     """The program of an Exec line, unquoted as the desktop entry specification says."""
     line = next(one for one in entry.splitlines() if one.startswith("Exec="))
     value = line.removeprefix("Exec=").replace("\\\\", "\\")  # the rule for strings comes first
-    assert value.endswith('" -m uavgram %f')
-    inner = value.removesuffix('" -m uavgram %f').removeprefix('"')
+    assert value.endswith('" -P -m uavgram %f')
+    inner = value.removesuffix('" -P -m uavgram %f').removeprefix('"')
     for letter in "$`\\":
         inner = inner.replace(f"\\{letter}", letter)
     return inner.replace("%%", "%")

@@ -187,18 +187,18 @@ def _windows(python: str) -> str:
         'if "!dropped!"=="!line!" set "dropped="',
         'if defined dropped set "dropped=!dropped:"=!"',
         "if not defined dropped goto typed",
-        '"!python!" -m uavgram "!dropped!"',
+        '"!python!" -P -m uavgram "!dropped!"',
         "if errorlevel 1 pause",
         "exit",
         ":typed",
-        '"!python!" -m uavgram %*',
+        '"!python!" -P -m uavgram %*',
         "if errorlevel 1 pause",
     )
     return "".join(f"{line}\r\n" for line in lines)
 
 
 def _macos(python: str) -> str:
-    return f"#!/bin/sh\ncd ~ || exit\nexec {shlex.quote(python)} -m uavgram\n"
+    return f"#!/bin/sh\ncd ~ || exit\nexec {shlex.quote(python)} -P -m uavgram\n"
 
 
 def _freedesktop(python: str, icon: Path) -> str:
@@ -208,7 +208,7 @@ def _freedesktop(python: str, icon: Path) -> str:
     return (
         "[Desktop Entry]\nType=Application\nVersion=1.0\nName=uavgram\n"
         "Comment=Ground measurements from a drone's photos\n"
-        f'Exec="{quoted}" -m uavgram %f\nIcon={icon}\nTerminal=true\nPath=\n'
+        f'Exec="{quoted}" -P -m uavgram %f\nIcon={icon}\nTerminal=true\nPath=\n'
         "Categories=Graphics;Science;\n"
     )
 

@@ -7,15 +7,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from pick_pages import PROJECT, Server, small_project
+from pick_pages import PROJECT, small_project
 
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.outputs import LOCK
+from uavgram.picking.document import commands as c
 from uavgram.picking.session.outputs import FILES, RECORDING, RESULTS, Outputs
 from uavgram.picking.storage.journal import JOURNAL, find_oldest
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.run import run
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 
 @pytest.fixture
@@ -89,8 +91,9 @@ def test_a_table_elsewhere_is_refused(project: Path) -> None:
 def test_links_inside_the_project_are_followed(project: Path) -> None:
     (project.parent / "kept").mkdir()
     (project.parent / "out").symlink_to("kept")
-    server = Server(project)
-    server.stop()
+    tables = Tables(LiveSurvey.open(project).inputs)
+    tables.record(c.Unpick(image="P1.jpg", label="A"), 0)
+    tables.close()
     assert (project.parent / "kept" / JOURNAL).is_file()
 
 

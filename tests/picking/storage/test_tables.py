@@ -381,6 +381,7 @@ def test_a_full_disk_is_told_before_anything_is_confirmed(
     path = tmp_path / JOURNAL
     journal = Journal(path, fresh=True)
     journal.open(State(), {"picks": None}, resumed=False)
+    journal.record(PLACE, 0)
     whole = path.read_bytes()
     real = os.write
 
@@ -397,6 +398,14 @@ def test_a_full_disk_is_told_before_anything_is_confirmed(
     journal.record(PLACE, 0)
     journal.close()
     assert len(picks_in(path)) == 1
+
+
+def test_looking_at_a_project_writes_nothing(project: Path) -> None:
+    before = sorted(project.parent.rglob("*"))
+    work = Working(project)
+    assert work.save() == ""
+    work.tables.close()
+    assert sorted(path for path in project.parent.rglob("*") if path.name != "out") == before
 
 
 def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(

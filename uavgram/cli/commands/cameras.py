@@ -84,7 +84,7 @@ def camera(
             print_lines(*_show(changed))
         return DONE
     if json:
-        raise InputError("--json", "shows a camera; a converted file (--to, --output) has a form")
+        raise InputError("--json", "describes a camera: leave out --to and --output")
     form = "uavgram" if to is None else to
     options = {key: value for key, value in (("crop", crop), ("size", size)) if value is not None}
     if output is None:

@@ -49,6 +49,8 @@ Named = Sequence[Line] | Sequence[MeasurementRequest]
 class Journal:
     """Append-only file of changes, on disk before anything is confirmed.
 
+    It is made, or begun anew, by the first change: looking at a project writes nothing.
+
     Parameters
     ----------
     path
@@ -56,23 +58,14 @@ class Journal:
     fresh
         Whether to start an empty journal; else a line that a kill left unfinished is cut off, and
         the rest is continued.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
     """
 
     def __init__(self, path: Path, *, fresh: bool) -> None:
         self.path = path
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            content = b"" if fresh or not path.is_file() else read_own(path)
-            self._handle = open_own(path, os.O_WRONLY | os.O_CREAT)
-            self._size = content.rfind(b"\n") + 1
-            os.ftruncate(self._handle, self._size)
-        except OSError as fault:
-            raise self._cannot(fault) from fault
+        self._fresh = fresh
+        self._beginning = b""
+        self._handle: int | None = None
+        self._size = 0
 
     def open(self, state: State, digests: Digests, *, resumed: bool) -> None:
         """Begin a session.
@@ -85,7 +78,7 @@ class Journal:
             Whether the session continues from changes that a crash left.
         """
         entry = {"state": asdict(state), "files": dict(digests), "resumed": resumed}
-        self._append({"do": "open", "pid": os.getpid(), **entry})
+        self._beginning = _line({"do": "open", "pid": os.getpid(), **entry})
 
     def record(self, command: c.Command, step: int) -> None:
         """Append one command and wait until it is on disk.
@@ -107,20 +100,37 @@ class Journal:
 
     def close(self) -> None:
         """Close the file."""
-        os.close(self._handle)
+        if self._handle is not None:
+            os.close(self._handle)
 
     def _append(self, entry: dict[str, Any]) -> None:
-        line = (json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        lines = self._beginning + _line(entry)
         try:
-            written = os.lseek(self._handle, self._size, os.SEEK_SET) - self._size
-            while written < len(line):
-                written += os.write(self._handle, line[written:])
-            os.fsync(self._handle)
+            handle = self._opened()
+            try:
+                written = os.lseek(handle, self._size, os.SEEK_SET) - self._size
+                while written < len(lines):
+                    written += os.write(handle, lines[written:])
+                os.fsync(handle)
+            except OSError:
+                with suppress(OSError):  # drop the half-written line
+                    os.ftruncate(handle, self._size)
+                raise
         except OSError as fault:
-            with suppress(OSError):  # drop the half-written line
-                os.ftruncate(self._handle, self._size)
             raise self._cannot(fault) from fault
-        self._size += len(line)
+        self._size += len(lines)
+        self._beginning = b""
+
+    def _opened(self) -> int:
+        """Return the file, opened behind its last whole line."""
+        if self._handle is None:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            content = b"" if self._fresh or not self.path.is_file() else read_own(self.path)
+            handle = open_own(self.path, os.O_WRONLY | os.O_CREAT)
+            self._size = content.rfind(b"\n") + 1
+            os.ftruncate(handle, self._size)
+            self._handle = handle
+        return self._handle
 
     def _cannot(self, fault: OSError) -> OutputError:
         return OutputError(
@@ -212,6 +222,10 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
         if not isinstance(entry, dict):
             raise UavgramError(f"{path}: {_NO_JOURNAL}")
         yield entry
+
+
+def _line(entry: dict[str, Any]) -> bytes:
+    return (json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def _entry(command: c.Command) -> dict[str, Any]:
