@@ -242,6 +242,14 @@ def test_no_result_replaces_an_input(project: Project, fails: Fails) -> None:
     assert taken.read_bytes() == before
 
 
+def test_files_of_an_earlier_run_are_named(project: Project, command: Command) -> None:
+    (project.out / "plan.pdf").write_bytes(b"%PDF of other picks")
+    done = command("run", project.path)
+    assert done.status == 0
+    assert f"an earlier run wrote plan.pdf in {project.out}, and this one did not" in done.stderr
+    assert (project.out / "plan.pdf").is_file()
+
+
 def test_an_image_whose_name_differs_in_case_is_suggested(project: Project, fails: Fails) -> None:
     project.cell("picks.csv", 2, "image", "img_0003.JPG")
     fails("did you mean 'IMG_0003.jpg'?")

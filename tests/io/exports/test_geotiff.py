@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 import subprocess
@@ -223,3 +224,13 @@ def test_a_big_endian_file_is_refused(tmp_path: Path) -> None:
     write(path, endianness="big")
     with pytest.raises(ValueError, match="little-endian"):
         mark_overviews(path)
+
+
+def test_a_file_that_ends_early_means_a_full_disk(path: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.tif"
+    whole = path.read_bytes()
+    for size in (6, len(whole) // 2):
+        cut.write_bytes(whole[:size])
+        with pytest.raises(OSError, match="ends early") as fault:
+            mark_overviews(cut)
+        assert fault.value.errno == errno.ENOSPC

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 from open_projects import change, opened
 from pick_pages import small_project
 
 from uavgram.picking.protocol.messages import Json
+from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.project import OpenProject
 
 
@@ -53,3 +55,14 @@ def test_a_run_elsewhere_makes_them_current_and_an_edit_makes_them_old(tmp_path:
     (tmp_path / "camera.yaml").write_text((tmp_path / "camera.yaml").read_text() + "# note\n")
     with opened(path) as (project, _):
         assert project.initial_state()["outputs"]["version"] is None
+
+
+def test_a_file_beside_a_locked_one_is_shown_in_its_place(tmp_path: Path) -> None:
+    for k, name in enumerate(("report.html", "report.newer.html")):
+        (tmp_path / name).write_text(name, encoding="utf-8")
+        os.utime(tmp_path / name, (k, k))
+    outputs = Outputs(tmp_path)
+    assert outputs.read("report.html") == b"report.newer.html"
+    assert outputs.listed() == [{"name": "report.html", "words": "Report: report.newer.html"}]
+    os.utime(tmp_path / "report.html", (2, 2))
+    assert outputs.read("report.html") == b"report.html"

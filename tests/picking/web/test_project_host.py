@@ -241,6 +241,9 @@ def test_a_home_is_no_flight_for_the_photos_in_its_folders(tmp_path: Path) -> No
         ("case", True),
         ("Pictures", True),
     ]
-    assert FolderChooser(home / "case", roots=(home,)).beginning()["is_chosen"] is True
+    case = FolderChooser(home / "case", roots=(home,))
+    assert case.beginning()["is_chosen"] is True
+    inside = case.listed(str(case.beginning()["folder"]))
+    assert (inside["photos"], inside["are_inner"], inside["is_flight"]) == (1, True, True)
     (home / "own.jpg").write_bytes(b"x")
     assert FolderChooser(home, roots=(home,)).beginning()["is_chosen"] is True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import struct
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -52,6 +53,8 @@ def mark_overviews(path: Path) -> None:
     ------
     ValueError
         The file is not a little-endian TIFF, or a picture in it has no sample format.
+    OSError
+        The file ends early, as where the disk was full when GDAL closed it.
     """
     with path.open("r+b") as file:
         head = file.read(4)
@@ -77,7 +80,7 @@ def _mark(file: BinaryIO, layout: _Layout, at: int) -> None:
     count = _number(file, at, layout.number)
     first = at + struct.calcsize(layout.number)
     file.seek(first)
-    written = file.read(count * struct.calcsize(layout.entry))
+    written = _read(file, count * struct.calcsize(layout.entry))
     entries = list(struct.iter_unpack(layout.entry, written))
     kept = [each for each in entries if each[0] != SAMPLE_FORMAT]
     if len(kept) != count - 1:
@@ -89,7 +92,14 @@ def _mark(file: BinaryIO, layout: _Layout, at: int) -> None:
 
 def _number(file: BinaryIO, at: int, form: str) -> int:
     file.seek(at)
-    return int(struct.unpack(form, file.read(struct.calcsize(form)))[0])
+    return int(struct.unpack(form, _read(file, struct.calcsize(form)))[0])
+
+
+def _read(file: BinaryIO, size: int) -> bytes:
+    content = file.read(size)
+    if len(content) < size:
+        raise OSError(errno.ENOSPC, "the file ends early", file.name)
+    return content
 
 
 WINDOW_PX = 768

@@ -473,7 +473,7 @@ FOUND_CAUSES = (
         ),
         effect=Effect.AMBER,
         order=Order.CAUSE_OF_ALL,
-        one="The camera looks in another direction than the log states.",
+        one="The camera looks in another direction than log, photos or project state.",
     ),
     Entry(
         "heights-off",

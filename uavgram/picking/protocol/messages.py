@@ -833,6 +833,7 @@ class ListedFolders(TypedDict):
     number: int | None
     way: list[Step]
     photos: int
+    are_inner: bool
     is_flight: bool
     has_project: bool
     folders: list[Listed]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.files import check_own, read_own
+from uavgram.io.outputs import find_latest
 from uavgram.io.results.results_json import load_results
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
@@ -69,7 +70,7 @@ class Outputs:
 
     def look(self) -> None:
         """Read the inputs of the results, even if another program wrote them; slow when new."""
-        stamp = stamp_of(self.folder / RESULTS)
+        stamp = stamp_of(self._latest(RESULTS))
         if stamp == self._stamp:
             return
         self._stamp, self.made_of = stamp, None
@@ -82,7 +83,7 @@ class Outputs:
         if not self._has(RESULTS):
             return None
         with suppress(UavgramError):
-            return results_json(load_results(self.folder / RESULTS))
+            return results_json(load_results(self._latest(RESULTS)))
         return None
 
     def plan(self) -> bytes | None:
@@ -96,8 +97,12 @@ class Outputs:
         return "" if self._stamp is None else "-".join(map(str, self._stamp))
 
     def listed(self) -> list[m.OutputFile]:
-        """Return the existing files with their titles."""
-        return [{"name": name, "words": words} for name, words in FILES.items() if self._has(name)]
+        """Return the existing files with their titles; a file beside a locked one has its name."""
+        latest = {name: self._latest(name).name for name in FILES if self._has(name)}
+        return [
+            {"name": name, "words": FILES[name] + (f": {file}" if file != name else "")}
+            for name, file in latest.items()
+        ]
 
     @property
     def has_recording(self) -> bool:
@@ -106,18 +111,22 @@ class Outputs:
 
     def _has(self, name: str) -> bool:
         """Return whether this file exists as a run wrote it; links are not followed."""
-        path = self.folder / name
+        path = self._latest(name)
         with suppress(OutputError):
             check_own(path)
             return path.is_file()
         return False
+
+    def _latest(self, name: str) -> Path:
+        """Return the newest file of a name: beside the other, where another program held that."""
+        return find_latest(self.folder / name)
 
     def read(self, name: str) -> bytes | None:
         """Return the content of one of `FILES`; None if it is missing, a link, or another file."""
         if name not in FILES:
             return None
         with suppress(OSError, OutputError):
-            return read_own(self.folder / name)
+            return read_own(self._latest(name))
         return None
 
     def viewer(self) -> str:
@@ -133,7 +142,7 @@ class Outputs:
                 raise InputError(self.folder / RECORDING, "is not there yet: write it on the page")
             if self._viewer is None or not self._viewer.is_up:
                 self._stop()
-                self._viewer = RecordingServer(self.folder / RECORDING)
+                self._viewer = RecordingServer(self._latest(RECORDING))
             return self._viewer.address
 
     def close(self) -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from uavgram.imaging.photos.preview import Pixels, Preview, jpeg_preview_scale, read_preview
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
+from uavgram.io.exports.gis import GROUND
 from uavgram.io.files import photo_files
-from uavgram.io.outputs import replace_bytes
+from uavgram.io.outputs import LAST_MOVED, replace_bytes
 from uavgram.io.results.results_json import write_results
 from uavgram.model.maps import PLAN_PDF, Paper, PlanPaper
 from uavgram.model.result.result import Result
@@ -73,6 +74,29 @@ def write_outputs(
             (folder / name).parent.mkdir(exist_ok=True)
             write(folder / name)
     journal.write(folder / "run.jsonl")
+
+
+NOT_ALWAYS = (
+    *("report.pdf", "report-annex.pdf", PLAN_PDF, "plan.png", "plan.tif"),
+    *("profiles.csv", "survey_map.dxf", GROUND),
+)
+"""Files that only some runs write, by their options or their data."""
+
+
+def list_earlier(folder: Path, written: Path) -> list[str]:
+    """List the files of an earlier run that a new one does not replace.
+
+    Parameters
+    ----------
+    folder
+        The output folder, before the new files are moved there.
+    written
+        Folder of the new files.
+    """
+    if not (folder / LAST_MOVED).is_file():
+        return []
+    there = (name for name in NOT_ALWAYS if (folder / name).is_file())
+    return [name for name in there if not (written / name).exists()]
 
 
 def write_pdf(result: Result, path: Path, paper: Paper) -> None:

@@ -16,6 +16,7 @@ from typing import Literal
 from uavgram.io.files import check_folder_of_project
 from uavgram.io.outputs import staged_output
 from uavgram.model.maps import Paper, PlanPaper
+from uavgram.model.naming import listed
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.inputs import read_inputs
@@ -142,4 +143,12 @@ def run(
     journal.result(result)
     with staged_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
         outputs.write_outputs(result, ties, staging, journal, progress, pdf, plan)
+        earlier = outputs.list_earlier(Path(folder), staging)
+    if earlier:
+        log.warning(
+            "an earlier run wrote %s in %s, and this one did not: that may contradict the new "
+            "results; remove it, or write it again (--pdf, --plan)",
+            listed(earlier),
+            folder,
+        )
     return result

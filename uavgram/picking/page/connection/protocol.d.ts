@@ -176,7 +176,7 @@ export interface Beginning { folder: number | null; is_chosen: boolean; opens: b
 // Folder on the way to another one.
 export interface Step { number: number; name: string }
 // Folders in a folder, and the way to it.
-export interface ListedFolders { number: number | null; way: Step[]; photos: number; is_flight: boolean; has_project: boolean; folders: Listed[] }
+export interface ListedFolders { number: number | null; way: Step[]; photos: number; are_inner: boolean; is_flight: boolean; has_project: boolean; folders: Listed[] }
 // Set-up of a project by a person.
 export interface Setup { pitch_deg: number | "auto"; reading_sigma_m: number; units: "metric" | "imperial" | ""; case: Record<string, string> }
 // Content of a folder that a project can use.

@@ -16,7 +16,7 @@ const photosText = (count) => `${count} photo file${count === 1 ? "" : "s"}`;
  * @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act
  */
 export function showFolders(section, shown, recent, act) {
-  const { number, way, photos, is_flight, folders } = shown;
+  const { number, way, photos, are_inner, is_flight, folders } = shown;
   section.replaceChildren(
     node("h2", { id: "folders-title" }, "Which folder holds the photos?"),
     node("p", { class: "dim" }, "Copy the photos from the drone's memory card to this computer first, with the flight log if there is one. Nothing here leaves the computer."),
@@ -24,7 +24,7 @@ export function showFolders(section, shown, recent, act) {
     node("nav", { class: "crumbs", "aria-label": "Where you are" }, crumb("This computer", number === null, () => act.list(null)),
       ...way.map((one, k) => crumb(one.name, k === way.length - 1, () => act.list(one.number)))),
     number === null ? "" : node("div", { class: "here" },
-      node("span", {}, photos ? `${photosText(photos)} ${is_flight ? "here" : "in folders of this one"}` : "No photo files seen here"),
+      node("span", {}, photos ? `${photosText(photos)} ${are_inner ? "in folders of this one" : "here"}` : "No photo files seen here"),
       node("button", { name: "use", class: is_flight ? "main" : "", onclick: () => act.use(number) }, is_flight ? "Use this folder" : "Look through all its folders")),
     folders.length ? node("ul", { class: "folders", "aria-label": "Folders" }, ...folders.map((one) => row(one, act))) : node("p", { class: "dim" }, "No folders in it."));
 }
