@@ -10,6 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 from pick_pages import LONGEST_WAIT_S, Page, Server, ask, browser_of, entry_of, small_project
+from picking_server import served
 from small_recording import write_small_recording
 
 from uavgram.picking.protocol.messages import Json
@@ -243,3 +244,12 @@ def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(
         assert said["state"] == "failed"
         assert "stopped" in said["why"]
     assert not (tmp_path / "calibration").exists()
+
+
+def test_a_bug_while_results_are_written_is_said_and_the_page_goes_on(project: Path) -> None:
+    def broken(_: Path) -> None:
+        raise ValueError("a bug")
+
+    with served(project, run=broken) as server, Page(server, entry_of(server)) as page:
+        assert "The program failed" in ask_project(page, "export")["why"]
+        page.do("place", image=0, label="C", u_px=5, v_px=6)

@@ -37,6 +37,7 @@ MAX_WAITING = 2000
 """Largest number of messages that wait for a page; one that reads no more is disconnected."""
 MAX_PAGES = 16
 TRY_AGAIN_LATER = 1013
+FAILED = "The program failed, and its window says where. Your points are saved."
 FAULTS_OF_THE_PAGE = {1002: "broken frames", 1007: "text that is no UTF-8", 1009: "too long"}
 
 LOOK_OUTSIDE_S = 1.0
@@ -164,8 +165,7 @@ class PickServer:
             log.info("refused: %s", why)
             return {"t": "refused", "seq": why.seq, "why": str(why)}
         try:
-            if self.project.refuses:
-                raise RefusedError(self.project.refuses)
+            self._require_open()
             if isinstance(message.body, c.ProjectAction):
                 answer = await self.project.do(message.body)
                 answer["seq"] = message.seq
@@ -176,11 +176,20 @@ class PickServer:
         except UavgramError as why:  # refused, or a photo or the journal is not available
             log.info("refused: %s", why)
             return {"t": "refused", "seq": message.seq, "why": str(why)}
+        except Exception:
+            if not isinstance(message.body, c.ProjectAction):
+                raise  # the page reconnects, and reads the state that is there
+            log.exception("%s failed", type(message.body).__name__)  # a bug: the page goes on
+            return {"t": "refused", "seq": message.seq, "why": FAILED}
         for_others = changed.copy()
         for_others.pop("seq", None)
         self._broadcast(for_others, but=own)
         self._save_soon()
         return changed
+
+    def _require_open(self) -> None:
+        if self.project.refuses:
+            raise RefusedError(self.project.refuses)
 
     def _save_soon(self) -> None:
         if self._loop is None:

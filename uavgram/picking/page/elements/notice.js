@@ -14,9 +14,10 @@ export class Notice {
     this.timer = 0;
   }
 
+  // The server's reasons begin in lower case, where they do not begin with a path.
   /** @param {string} words @param {boolean} good @param {Instead | null} offer a button beside the words */
   show(words, good = false, offer = null) {
-    this.box.replaceChildren(words, ...(offer ? [node("button", { type: "button", name: "offer", onclick: () => { this.hide(); offer.act(); } }, offer.words)] : []));
+    this.box.replaceChildren(words.replace(/^[a-z]+ /, (word) => word[0].toUpperCase() + word.slice(1)), ...(offer ? [node("button", { type: "button", name: "offer", onclick: () => { this.hide(); offer.act(); } }, offer.words)] : []));
     this.box.classList.toggle("info", good);
     this.box.hidden = false;
     clearTimeout(this.timer);
