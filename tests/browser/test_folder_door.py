@@ -236,6 +236,20 @@ def test_damaged_files_are_named_and_the_rest_can_be_used(home: Path, page: Page
     expect(rows).to_contain_text(["", "P3.jpg", "P4.jpg"])
 
 
+def test_back_and_forward_of_the_browser_go_through_the_folders(page: Page) -> None:
+    title = page.locator("#setup-title")
+    page.get_by_role("button", name="nothing", exact=True).click()
+    expect(page.get_by_text("No folders in it.")).to_be_visible()
+    page.go_back()
+    page.get_by_role("button", name="Use flight").click()
+    expect(title).to_have_text("flight")
+    page.go_back()
+    expect(page.get_by_role("button", name="Use flight")).to_be_visible()
+    expect(title).to_be_hidden()
+    page.go_forward()
+    expect(title).to_be_visible()
+
+
 def test_a_damaged_photo_is_left_out_of_a_project_and_taken_back(home: Path, page: Page) -> None:
     page.get_by_role("button", name="Use flight").click()
     page.get_by_role("radio", name="Straight down").check()

@@ -10,6 +10,14 @@ import { showSetup } from "./setup.js";
 
 /** @import { Beginning, ListedFolders, Found, Listed, Wanted } from "../connection/protocol.js" */
 
+/** @typedef {{ number: number | null, isSetup: boolean }} Place a list of folders, or the set-up of one */
+
+function shownPlace() {
+  /** @type {unknown} */
+  const state = history.state;
+  return /** @type {Place | null} */ (state);
+}
+
 const SECTIONS = /** @type {const} */ (["folders", "setup"]);
 
 class Door {
@@ -19,7 +27,21 @@ class Door {
     /** @type {number | null} */
     this.at = null; // the listed folder
     keepTab();
+    addEventListener("popstate", () => void this.goBack(shownPlace()));
     void this.begin();
+  }
+
+  // The browser's Back and Forward go through the folders and set-ups that were shown.
+  /** @param {Place | null} place */
+  async goBack(place) {
+    if (place) await this.doing("Looking\u2026", () => (place.isSetup && place.number !== null ? this.look(place.number) : this.list(place.number)));
+  }
+
+  /** @param {Place} place */
+  note(place) {
+    const before = shownPlace();
+    if (!before) history.replaceState(place, "");
+    else if (before.number !== place.number || before.isSetup !== place.isSetup) history.pushState(place, "");
   }
 
   async begin() {
@@ -51,6 +73,7 @@ class Door {
       open: (inner) => void this.open({ folder: inner }),
     });
     this.show("folders");
+    this.note({ number, isSetup: false });
   }
 
   /** @param {number} number */
@@ -62,6 +85,7 @@ class Door {
       wrong: (why) => this.trouble(why),
     });
     this.show("setup");
+    this.note({ number, isSetup: true });
     document.getElementById("setup-title")?.focus();
   }
 

@@ -17,8 +17,9 @@ import { leaveOutButton } from "./verdict.js";
 export function showFrames(section, show, current, project) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
-  fill(section, [keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
-    keep("frames", [facts, store.clock, store.opening, store.leftOut], () => node("div", {}, damagedPart(project), framesPart(facts, show), leftOutPart(project), unmatchedPart(facts), foundPart()))]);
+  const damage = store.damaged.length ? keep("damaged", [store.opening, store.damaged], () => damagedPart(project)) : null;
+  fill(section, [damage, keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
+    keep("frames", [facts, store.clock, store.opening, store.leftOut], () => node("div", {}, framesPart(facts, show), leftOutPart(project), unmatchedPart(facts), foundPart()))]);
 }
 
 /** @param {Adjusted | null} now */
@@ -60,7 +61,7 @@ function framesPart(facts, show) {
 }
 
 /** @param {ProjectActions} project */
-const damagedPart = (project) => (store.damaged.length ? titled("Damaged photos", list(store.opening.filter(({ code }) => code === "photo-damaged")), leaveOutButton(project)) : null);
+const damagedPart = (project) => titled("Damaged photos", list(store.opening.filter(({ code }) => code === "photo-damaged")), leaveOutButton(project));
 
 /** @param {ProjectActions} project */
 const leftOutPart = (project) => (store.leftOut.length ? titled("Left out by the project", table("Photos left out", ["photo", ""],
