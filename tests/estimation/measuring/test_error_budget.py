@@ -14,6 +14,7 @@ from taped_scenes import read_on_tapes
 from uavgram.estimation.measuring.error_budget import (
     ASSUMED_RELIEF_M,
     ASSUMED_TAPE_ERROR,
+    SOURCES,
     compute_error_budget,
     compute_height_derivatives,
     compute_shares,
@@ -50,7 +51,7 @@ def case(request: pytest.FixtureRequest) -> tuple[Adjustment, MeasuredValues]:
 
 def test_the_parts_add_up_to_the_variance(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
-    parts = compute_error_budget(adjustment.minimum.blocks, measured)
+    parts = compute_error_budget(adjustment.minimum.blocks, measured, measured.sigma)
     total = np.sum(list(parts.values()), axis=0)
 
     known = np.isfinite(measured.sigma)
@@ -63,7 +64,7 @@ def test_each_part_is_that_of_the_dense_partition(case: tuple[Adjustment, Measur
     adjustment, measured = case
     size = adjustment.problem.layout.size
     inverse = adjustment.minimum.factor.joint(np.arange(size))
-    parts = compute_error_budget(adjustment.minimum.blocks, measured)
+    parts = compute_error_budget(adjustment.minimum.blocks, measured, measured.sigma)
     for name, block in adjustment.minimum.blocks.items():
         n, r, _ = block.jacobian.shape
         rows = np.zeros((n, r, size))
@@ -84,7 +85,9 @@ def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(
     case: tuple[Adjustment, MeasuredValues],
 ) -> None:
     adjustment, measured = case
-    budget = compute_shares(compute_error_budget(adjustment.minimum.blocks, measured))
+    budget = compute_shares(
+        compute_error_budget(adjustment.minimum.blocks, measured, measured.sigma)
+    )
     at = measured.name.index("skid")
 
     known = np.isfinite(measured.sigma)
@@ -98,10 +101,25 @@ def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(
 
 def test_sources_without_any_part_are_left_out(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
-    budget = compute_shares(compute_error_budget(adjustment.minimum.blocks, measured))
+    budget = compute_shares(
+        compute_error_budget(adjustment.minimum.blocks, measured, measured.sigma)
+    )
 
     assert ("flight log" in budget.source) == (adjustment.survey.gauge == "world")
     assert "control points" not in budget.source
+
+
+def test_other_explanations_are_a_source_of_their_own(
+    case: tuple[Adjustment, MeasuredValues],
+) -> None:
+    adjustment, measured = case
+    parts = compute_error_budget(adjustment.minimum.blocks, measured, 2.0 * measured.sigma)
+    budget = compute_shares(parts)
+
+    known = np.isfinite(measured.sigma)
+    share = budget.share[known, budget.source.index("other explanations")]
+    np.testing.assert_allclose(share, 0.75, rtol=1e-9)
+    assert "other explanations" in SOURCES
 
 
 def test_what_is_rough_below_a_point_counts_as_ground() -> None:
@@ -110,7 +128,7 @@ def test_what_is_rough_below_a_point_counts_as_ground() -> None:
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     height = MeasurementRequest(name="height", kind="height", points=("P2",))
     measured = propagate(adjustment, (height,), NO_TIMES)
-    parts = compute_error_budget(adjustment.minimum.blocks, measured)
+    parts = compute_error_budget(adjustment.minimum.blocks, measured, measured.sigma)
     assert parts["roughness"] > adjustment.survey.ground.roughness_sigma_m**2
     assert parts["other"] == pytest.approx([0.0], abs=1e-9)
     assert sum(part[0] for part in parts.values()) == pytest.approx(measured.sigma[0] ** 2)

@@ -34,7 +34,19 @@ FRICTION_AND_TIMES = ErrorSource(
 )
 """Source of the contributions of no observation of the survey."""
 
-SOURCES = {one.name: one for one in (*(kind.source for kind in KINDS.values()), FRICTION_AND_TIMES)}
+OTHER_EXPLANATIONS = ErrorSource(
+    "other explanations",
+    "other poses or mistakes that explain the observations as well",
+    "The messages say what would decide between them.",
+)
+"""Source of the difference between a value and its values under other explanations."""
+
+_SOURCE_OF_PART = {"other": FRICTION_AND_TIMES, "explanations": OTHER_EXPLANATIONS}
+"""Sources of the parts of a variance that no group of observations contributes."""
+
+SOURCES = {
+    one.name: one for one in (*(kind.source for kind in KINDS.values()), *_SOURCE_OF_PART.values())
+}
 """Sources by name."""
 
 MIN_SHARE = 1e-12
@@ -46,7 +58,7 @@ ENTRIES_AT_ONCE = 2_000_000
 
 
 def compute_error_budget(
-    blocks: Mapping[str, Block], measured: MeasuredValues
+    blocks: Mapping[str, Block], measured: MeasuredValues, sigma: Floats
 ) -> dict[str, Floats]:
     """Compute the variances that the groups of observations contribute.
 
@@ -56,13 +68,15 @@ def compute_error_budget(
         Whitened Jacobians of all groups of the adjustment, priors included.
     measured
         Measured values.
+    sigma
+        (M,) their stated sigmas, which include other explanations of the observations.
 
     Returns
     -------
     dict
         For each group (M,) variances in the squared unit of each value; with ``other`` (friction,
-        times) they add up to the value's variance. ``roughness`` includes that of the ground below
-        points off it. NaN if there is no value.
+        times) and ``explanations`` they add up to the stated variance. ``roughness`` includes that
+        of the ground below points off it. NaN if there is no value.
     """
     parts = {name: _contribution(block, measured.solved) for name, block in blocks.items()}
     first_order = (measured.gradient * measured.solved).sum(axis=0)
@@ -71,6 +85,7 @@ def compute_error_budget(
         parts["roughness"] = parts.get("roughness", 0.0) + below
     rest = np.diag(measured.covariance) - first_order - below
     parts["other"] = np.maximum(rest, 0.0)
+    parts["explanations"] = np.maximum(sigma**2 - np.diag(measured.covariance), 0.0)
     computed = np.isfinite(np.diag(measured.covariance))
     return {name: np.where(computed, variance, np.nan) for name, variance in parts.items()}
 
@@ -97,7 +112,7 @@ def compute_shares(variances: Mapping[str, Floats]) -> ErrorBudget:
     total = np.sum(list(variances.values()), axis=0)
     by_source: dict[str, Floats] = {}
     for group, variance in variances.items():
-        source = FRICTION_AND_TIMES if group == "other" else get_kind(group).source
+        source = _SOURCE_OF_PART.get(group) or get_kind(group).source
         by_source[source.name] = by_source.get(source.name, np.zeros_like(variance)) + variance
     felt = {
         name: v for name, v in by_source.items() if (np.nan_to_num(v) > MIN_SHARE * total).any()

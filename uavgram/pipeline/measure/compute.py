@@ -180,7 +180,9 @@ def compute(
             ties_rms_px=tied.rms_px,
         ),
         points=reconstruct(adjustment, world, refined.off_ground),
-        error_budget=compute_shares(compute_error_budget(adjustment.minimum.blocks, values)),
+        error_budget=compute_shares(
+            compute_error_budget(adjustment.minimum.blocks, values, measured.table.sigma)
+        ),
         lines=judged.lines,
         known=judged.known,
         control_lines=judged.control_lines,

@@ -187,6 +187,7 @@ COLOURS = {
     "rolling shutter": "#f0e442",
     "friction and times": "#d55e00",
     "choice of axes": "#999999",
+    "other explanations": "#aa4466",
 }
 OTHER_COLOUR = "#333333"
 """Colour of sources that are not among these."""
