@@ -264,11 +264,20 @@ def test_what_is_nested_without_end_is_refused_before_opencv_ends_the_program(
         read_opencv_calibration(path)
 
 
-def test_brackets_in_a_comment_of_yaml_are_no_levels(tmp_path: Path, data_dir: Path) -> None:
+@pytest.mark.parametrize("comment", ["# " + "[" * 200 + "\n", "  # k: " + "- " * 200 + "\n"])
+def test_brackets_in_a_comment_are_no_nesting(tmp_path: Path, comment: str) -> None:
     path = tmp_path / "camera.yml"
-    text = (data_dir / "opencv_chess" / "left_intrinsics.yml").read_text(encoding="utf-8")
-    path.write_text(text.replace("---\n", f"---\n  # {'[' * 200}\n", 1), encoding="utf-8")
-    assert read_opencv_calibration(path)[0].width_px == 640
+    path.write_text(f"{YAML}{comment}k: 1\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:  # the next finding: it holds no camera
+        read_opencv_calibration(path)
+    assert "levels" not in str(caught.value)
+
+
+def test_lists_in_a_block_after_a_comment_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yml"
+    path.write_text(f"{YAML}# [\rcamera_matrix: " + "[" * 1500, encoding="utf-8")
+    with pytest.raises(InputError, match="more than 50 levels"):
+        read_opencv_calibration(path)
 
 
 def test_yaml_nested_by_its_indents_is_refused(tmp_path: Path) -> None:

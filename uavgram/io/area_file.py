@@ -20,9 +20,8 @@ FORMATS = "a GeoJSON file (.geojson, .json) or a KML file (.kml)"
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)""")
 _BYTE_BY_BYTE = re.compile(r"ascii|iso8859-\d+|cp125\d")
 """Encodings besides UTF-8 in which old programs save KML, by their Python names."""
-
-MAX_ENCODING_LETTERS = 40
-"""Number of letters of a declared encoding that are read; no name is as long."""
+_MAX_SHOWN = 40
+"""Characters of an unknown encoding's name that a message repeats."""
 
 
 class Area(NamedTuple):
@@ -74,12 +73,15 @@ def read_areas(path: Path) -> AreaFile:
 
 
 def _decoded(path: Path, data: bytes) -> str:
-    """Decode a text with the encoding declared in XML, or as UTF-8."""
+    """Decode a text as UTF-16 with a mark, with the encoding declared in XML, or as UTF-8."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
     refuse_utf_16(path, data)
     declared = _DECLARED.match(data.removeprefix(codecs.BOM_UTF8))
     if declared is None:
         return data.decode("utf-8-sig", errors="replace")
-    stated = declared[1].decode("ascii", errors="replace")[:MAX_ENCODING_LETTERS]
+    stated = declared[1].decode("ascii", errors="replace")
+    shown = stated if len(stated) <= _MAX_SHOWN else f"{stated[:_MAX_SHOWN]}..."
     try:
         name = codecs.lookup(stated).name
         if name == "utf-8" or _BYTE_BY_BYTE.fullmatch(name):
@@ -87,7 +89,7 @@ def _decoded(path: Path, data: bytes) -> str:
     except (LookupError, ValueError):
         pass  # an unknown encoding, or bytes that are not in it
     raise InputError(
-        path, f"cannot be read in the encoding that it declares, {stated!r}: save it as UTF-8"
+        path, f"cannot be read in the encoding that it declares, {shown!r}: save it as UTF-8"
     )
 
 

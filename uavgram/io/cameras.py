@@ -297,8 +297,8 @@ def _find_too_deep(text: str) -> int | None:
     or comment may open levels here, but closes only its own.
     """
     is_yaml = not text.lstrip().startswith(("{", "<"))
-    if is_yaml:  # there, a line that begins with # is a comment
-        text = re.sub(r"^[ \t]*#.*$", "", text, flags=re.MULTILINE)
+    if is_yaml:  # no quote goes over several lines: such a line is a comment in any case
+        text = re.sub(r"^[ \t]*#[^\r\n\0]*", "", text, flags=re.MULTILINE)
     depth = 0
     for found in re.finditer(f"{_ASIDE}|{_LEVEL}", text, re.DOTALL):
         least = depth if found["aside"] else 0
@@ -311,7 +311,7 @@ def _find_too_deep(text: str) -> int | None:
     at_indent: dict[int, int] = {}  # largest number of blocks that a line begins
     for number, line in enumerate(text.splitlines(), 1):
         content = line.lstrip()
-        blocks = 0 if content.startswith("#") else len(_YAML_LEVEL.findall(content))
+        blocks = len(_YAML_LEVEL.findall(content))
         indent = len(line) - len(content)
         at_indent[indent] = max(blocks, at_indent.get(indent, 0))
         if sum(at_indent.values()) > _MAX_DEPTH:

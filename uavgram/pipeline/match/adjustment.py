@@ -33,6 +33,7 @@ from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.stages.ground_consensus import UNKNOWN_SIGMA_M, find_ground_points
 from uavgram.stages.match import CONTRADICTED, REGION_SQUARED, Found, Pair
+from uavgram.stages.refine.first_values import cost_with_lost
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import set_free_heights
 from uavgram.stages.refine.readjustment import readjust
@@ -433,17 +434,17 @@ def _adjust_heights(taking: Participants, unsure: Bools) -> Adjustment:
         The other observations do not determine the survey.
     """
     wide = find_best_minima(replace(taking, survey=_set_unknown_heights(taking.survey, unsure)))
-    best = wide.adjustment
     with suppress(GeometryError, SingularError):
         flat = find_best_minima(taking)
         names = [taking.survey.label[k] for k in np.flatnonzero(unsure)]
         rows = np.isin(flat.adjustment.survey.label, names)
         raised = _set_unknown_heights(flat.adjustment.survey, rows)
-        other = readjust(flat.adjustment, raised)
-        is_same = np.array_equal(flat.pick_index, wide.pick_index)
-        if is_same and other.minimum.converged and other.minimum.cost < best.minimum.cost:
-            return other
-    return best
+        other = replace(flat, adjustment=readjust(flat.adjustment, raised))
+        # Far from all points, some picks find no place: each counts as a poor fit.
+        cost, before = (cost_with_lost(one, int(taking.keep.sum())) for one in (other, wide))
+        if other.adjustment.minimum.converged and cost < before:
+            return other.adjustment
+    return wide.adjustment
 
 
 def _set_unknown_heights(survey: Survey, labels: Bools) -> Survey:
