@@ -313,9 +313,7 @@ def adjust_scaled(
         return fit, scale
     for _ in range(_MAX_SCALINGS):
         redundancy = max(fit.corner_redundancy, 1.0)
-        factor = estimate_single(
-            fit.corner_cost, redundancy, VarianceComponent("corners")
-        ).factor.item()
+        factor = estimate_single(fit.corner_cost, redundancy, VarianceComponent("corners")).factor
         if (
             fit.corner_cost <= 0 or abs(factor - 1) < MIN_SIGMA_CHANGE
         ):  # exact observations have no scale

@@ -9,6 +9,7 @@ unknowns integrated out, are the restricted maximum-likelihood estimates of the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -61,21 +62,26 @@ class EstimatedComponents(NamedTuple):
 
     Attributes
     ----------
-    factor, sigma
-        (C,) factors of the stated sigmas; standard deviations of their logarithms (from the
-        curvature).
+    factor
+        (C,) factors of the stated sigmas.
     log_likelihood
         Marginal log-likelihood (natural), up to terms that depend on no factor.
     """
 
     factor: Floats
-    sigma: Floats
     log_likelihood: float
+
+
+class SingleEstimate(NamedTuple):
+    """Factor of the stated sigma of a single component; standard deviation of its logarithm."""
+
+    factor: float
+    sigma: float
 
 
 def estimate_single(
     squares: float, redundancy: float, component: VarianceComponent
-) -> EstimatedComponents:
+) -> SingleEstimate:
     """Estimate the factor of one component from its residuals in units of the stated sigmas.
 
     Parameters
@@ -89,10 +95,8 @@ def estimate_single(
     """
     weight = redundancy + component.weight
     # Closed-form maximum: (v^T v + prior weight) / (redundancy + prior weight).
-    factor = max(np.sqrt((squares + component.weight) / weight), component.smallest)
-    return EstimatedComponents(
-        np.array([factor]), np.array([1.0 / np.sqrt(2.0 * weight)]), float("nan")
-    )
+    factor = max(math.sqrt((squares + component.weight) / weight), component.smallest)
+    return SingleEstimate(factor, 1.0 / math.sqrt(2.0 * weight))
 
 
 def compute_boundary_probability(gain: float, variances: int) -> float:
@@ -133,9 +137,16 @@ class LinearisedObservations:
         lower = np.log([max(one.smallest, MIN_FACTOR) for one in components])
         surprise = _NegativeLogLikelihood(self, components)
         found, here = _minimise(surprise, np.log(first), lower, float(np.log(MAX_FACTOR)))
-        information = surprise.information(found, here.slope)
-        sigma = 1.0 / np.sqrt(np.maximum(information, 1e-12))
-        return EstimatedComponents(np.exp(found), sigma, -0.5 * here.value)
+        return EstimatedComponents(np.exp(found), -0.5 * here.value)
+
+    def log_sigmas(self, components: Sequence[VarianceComponent], factor: Floats) -> Floats:
+        """Compute the (C,) standard deviations of the logarithms of the likeliest factors.
+
+        They follow from the curvature: each component takes one more solution.
+        """
+        surprise = _NegativeLogLikelihood(self, components)
+        information = surprise.information(np.log(factor))
+        return np.asarray(1.0 / np.sqrt(np.maximum(information, 1e-12)))
 
     def log_likelihood(self, components: Sequence[VarianceComponent], factor: Floats) -> float:
         """Compute the marginal log-likelihood of given factors (C,)."""
@@ -175,8 +186,9 @@ class _NegativeLogLikelihood:
         slope = 2.0 * (self._size - fit.leverage - fit.squares) + 2.0 * self._prior * (1.0 - stated)
         return _Expansion(value, slope, 4.0 * (fit.squares + self._prior * stated))
 
-    def information(self, at: Floats, slope: Floats) -> Floats:
+    def information(self, at: Floats) -> Floats:
         """Compute (C,) half the second derivative by each logarithm, by differencing the first."""
+        slope = self.at(at).slope
         ahead = [self.at(at + step).slope[k] for k, step in enumerate(0.02 * np.eye(len(at)))]
         return np.asarray(np.array(ahead) - slope) / (2.0 * 0.02)
 

@@ -8,7 +8,7 @@ marginal likelihood decides between the models. Messages report errors of anothe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +16,6 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.reliability.variance_components import (
-    EstimatedComponents,
     LinearisedObservations,
     VarianceComponent,
     compute_boundary_probability,
@@ -112,10 +111,22 @@ class _Model(NamedTuple):
 
 
 class _FittedModel(NamedTuple):
-    """Model with its likeliest factors, and the log-likelihood less the penalty of the model."""
+    """Model with its likeliest factors.
+
+    Attributes
+    ----------
+    model, factor
+        Model, and (C,) its factors.
+    log_sigmas
+        Function that computes the (C,) standard deviations of their logarithms: as expensive as the
+        factors, and needed for one model only.
+    merit
+        Log-likelihood less the penalty of the model.
+    """
 
     model: _Model
-    found: EstimatedComponents
+    factor: Floats
+    log_sigmas: Callable[[], Floats]
     merit: float
 
     @property
@@ -164,7 +175,7 @@ def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     tried = [estimated(model, stated, None) for model in models]
     fitted = max(tried, key=lambda one: one.merit)
     chance = _chance_of_unevenness(fitted, tried)
-    if fitted.model.shape is None and np.abs(np.log(fitted.found.factor)).max() < MIN_SIGMA_CHANGE:
+    if fitted.model.shape is None and np.abs(np.log(fitted.factor)).max() < MIN_SIGMA_CHANGE:
         return survey, replace(
             refined, noise=_describe_noise(fitted, stated, stated.survey, chance)
         )
@@ -173,8 +184,8 @@ def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     for _ in range(MAX_PASSES):
         used = fitted
         adjustment = readjust(adjustment, _apply_noise(used, stated.survey))
-        fitted = estimated(used.model, adjustment, used.found.factor)
-        if np.abs(np.log(fitted.found.factor / used.found.factor)).max() < MIN_SIGMA_CHANGE:
+        fitted = estimated(used.model, adjustment, used.factor)
+        if np.abs(np.log(fitted.factor / used.factor)).max() < MIN_SIGMA_CHANGE:
             break
     # Report the sigmas with which the result was adjusted.
     noise = _describe_noise(used, adjustment, stated.survey, chance)
@@ -318,22 +329,30 @@ def _fit_model(
     first
         (C,) factors to start from.
     """
-    problem, layout = model.problem, model.problem.layout
-    blocks = problem.evaluate(convert_state(adjustment, problem))
-    assert blocks is not None  # noqa: S101  (the state is that of an adjusted survey)
-    for name, one in few.items():
-        blocks[name] = _lower_weight(blocks[name], one)
-    begin = np.ones(len(model.components)) if first is None else first
-    found = LinearisedObservations(blocks, layout.size, layout.structure).estimate(
-        model.components, begin
-    )
+
+    def linearised() -> LinearisedObservations:
+        problem, layout = model.problem, model.problem.layout
+        blocks = problem.evaluate(convert_state(adjustment, problem))
+        assert blocks is not None  # noqa: S101  (the state is that of an adjusted survey)
+        for name, one in few.items():
+            blocks[name] = _lower_weight(blocks[name], one)
+        return LinearisedObservations(blocks, layout.size, layout.structure)
+
+    linear, begin = linearised(), np.ones(len(model.components)) if first is None else first
+    found = linear.estimate(model.components, begin)
     # Add the log of the prior sigma of each unknown, so that models with different unknowns
     # can be compared.
     unit = sum(
-        float(np.log(blocks[k].jacobian).sum()) for k in ("roughness", "relief") if k in blocks
+        float(np.log(linear.blocks[k].jacobian).sum())
+        for k in ("roughness", "relief")
+        if k in linear.blocks
     )
     price = 0.0 if model.shape is None else SHAPE_PENALTY[model.shape]
-    return _FittedModel(model, found, found.log_likelihood + unit - price)
+    merit = found.log_likelihood + unit - price
+    # Linearised again for the sigmas: the matrices of all models would fill the memory.
+    return _FittedModel(
+        model, found.factor, lambda: linearised().log_sigmas(model.components, found.factor), merit
+    )
 
 
 def _fit_picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) -> _FittedModel:
@@ -354,7 +373,7 @@ def _fit_picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None
     squares = scale**2 * float(np.sum(block.residual**2))
     leverage = adjustment.covariance.leverage(block)
     found = estimate_single(squares, leverage.size - float(leverage.sum()), model.components[0])
-    return _FittedModel(model, found, 0.0)
+    return _FittedModel(model, np.array([found.factor]), lambda: np.array([found.sigma]), 0.0)
 
 
 def _lower_weight(block: Block, few: NoiseOutliers) -> Block:
@@ -366,7 +385,7 @@ def _lower_weight(block: Block, few: NoiseOutliers) -> Block:
 
 def _apply_noise(fitted: _FittedModel, survey: Survey) -> Survey:
     """Return the survey with learnt sigmas and ground; `survey` has the stated ones."""
-    factor = fitted.found.factor
+    factor = fitted.factor
     grounds = list(fitted.model.problem.survey.grounds)
     for one, area, scale in zip(
         fitted.model.components, fitted.model.areas, factor.tolist(), strict=True
@@ -424,7 +443,7 @@ def _describe_noise(
         Probability of such uneven ground by chance.
     """
     # Sigmas of the factors are relative.
-    factor, sigma = fitted.found.factor, fitted.found.factor * fitted.found.sigma
+    factor, sigma = fitted.factor, fitted.factor * fitted.log_sigmas()
     components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}
     units = fitted.model.problem.survey.grounds

@@ -227,12 +227,12 @@ def _estimate_noise(adjustment: Adjustment) -> Iterator[PickNoise]:
             redundancy = float(np.sum(1.0 - leverage[own]))
             prior = VarianceComponent("ties", None, STATED_WEIGHT, MIN_NOISE_FACTOR)
             found = estimate_single(squares, redundancy, prior)
-            factor = float(found.factor[0])
+            factor = found.factor
             yield PickNoise(
                 source=source,
                 stated_px=float(np.sqrt(np.mean(ties.sigma_px[own & ~picked] ** 2))),
                 factor=factor,
-                sigma=factor * float(found.sigma[0]),
+                sigma=factor * found.sigma,
             )
 
 
