@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uavgram.errors import near_miss
+from uavgram.errors import suggest_spelling
 
 
 @pytest.mark.parametrize(
@@ -21,4 +21,4 @@ from uavgram.errors import near_miss
 def test_a_near_miss_is_a_spelling_of_the_same_thing(
     word: str, known: list[str], suggested: str | None
 ) -> None:
-    assert near_miss(word, known) == (f"did you mean {suggested!r}?" if suggested else "")
+    assert suggest_spelling(word, known) == (f"did you mean {suggested!r}?" if suggested else "")

@@ -90,14 +90,14 @@ _LETTER_FOR_DIGIT = re.compile(r"(?<=.)[sbz]")
 _DIGITS = {"s": "5", "b": "8", "z": "2"}
 
 
-def alike(name: str) -> str:
+def replace_lookalikes(name: str) -> str:
     """Replace characters that look alike in print: ``Pl`` and ``P_1`` become ``p1``."""
     plain = unicodedata.normalize("NFKC", name).casefold().translate(_ALIKE)
     plain = _NEEDLESS.sub("", plain)
     return _LETTER_FOR_DIGIT.sub(lambda letter: _DIGITS[letter[0]], plain)
 
 
-def near_miss(word: str, known: Iterable[str]) -> str:
+def suggest_spelling(word: str, known: Iterable[str]) -> str:
     """Suggest the known word whose spelling is closest to `word`.
 
     Returns
@@ -105,8 +105,8 @@ def near_miss(word: str, known: Iterable[str]) -> str:
     str
         ``did you mean 'boresight_sigma_deg'?``, or an empty string where none is close.
     """
-    by_look = {alike(name): name for name in known}
-    close = difflib.get_close_matches(alike(word), by_look, n=1, cutoff=0.6)
+    by_look = {replace_lookalikes(name): name for name in known}
+    close = difflib.get_close_matches(replace_lookalikes(word), by_look, n=1, cutoff=0.6)
     return f"did you mean {by_look[close[0]]!r}?" if close else ""
 
 
@@ -119,7 +119,7 @@ _KINDS = (
 )
 
 
-def no_file(path: str | os.PathLike[str]) -> str:
+def describe_non_file(path: str | os.PathLike[str]) -> str:
     """Return the kind of a path that is not a file; opening a FIFO or a device may block forever.
 
     Returns

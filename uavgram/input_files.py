@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError, describe_non_file
 
 _HEAD_BYTES = 4096
 _READ = (b"\xff\xd8\xff", b"\x89PNG")
@@ -109,7 +109,7 @@ def describe_files(paths: Iterable[Path]) -> str:
 
 def _head(path: str | Path) -> bytes:
     """Read how a file begins: nothing where it is none, or cannot be read."""
-    if no_file(path):
+    if describe_non_file(path):
         return b""
     try:
         with Path(path).open("rb") as file:
@@ -160,7 +160,7 @@ def read_bytes(path: str | Path, way_out: str = "name a file") -> bytes:
 @contextmanager
 def opened(path: str | Path, way_out: str = "name a file") -> Iterator[BinaryIO]:
     """Open a file to read it piece by piece; parameters and errors as of `read_bytes`."""
-    if what := no_file(path):
+    if what := describe_non_file(path):
         raise InputError(path, f"is {what}: {way_out}")
     refuse_unread(path)
     try:

@@ -41,7 +41,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from cause_outcomes import REMOVED, Outcome, run_case
 from hostile_causes import CASES
 
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 
 BAD_Z = 2.0
 LEVELS = ("red", "amber", "green")
@@ -51,7 +51,7 @@ HEADS = (
 )
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def judged(
     job: tuple[str, int], options: Mapping[str, object], *, compared: bool, dense: bool
 ) -> Outcome:

@@ -48,7 +48,7 @@ from hostile_surveys import make_survey
 from uavgram.errors import UavgramError
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 
 STREETS = tuple(name for name, condition in CONDITIONS.items() if condition.cars)
 DRAWS = 2000
@@ -70,7 +70,7 @@ class Outcome:
     failure: str = ""
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def run_survey(job: tuple[str, int], options: Mapping[str, object], heights: Heights) -> Outcome:
     """Make, run and judge the survey of a condition and a seed."""
     condition, seed = job

@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 from uavgram.model.naming import IMPERIAL
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.views.units import quantity
+from uavgram.views.units import format_quantity
 
 CASES = json.loads(
     (Path(__file__).parents[1] / "support" / "unit_cases.json").read_text(encoding="utf-8")
@@ -99,4 +99,4 @@ def test_lengths_are_read_and_typed_in_feet_and_inches(survey: Path, open_page: 
         assert not open_page.errors
     assert not [line for line in text.splitlines() if METRIC.search(line)]
     found = compute(read_inputs(survey)).result.measurements
-    assert shown["D1"] == quantity(found.value[0], found.sigma[0], "m", IMPERIAL)
+    assert shown["D1"] == format_quantity(found.value[0], found.sigma[0], "m", IMPERIAL)

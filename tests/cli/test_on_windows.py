@@ -211,9 +211,9 @@ def test_plates_are_looked_for(desk: WindowsDesk) -> None:
 WRITE = """
 import sys
 from uavgram.errors import OutputError
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import stage_output
 try:
-    with staged_output(sys.argv[1]) as staging:
+    with stage_output(sys.argv[1]) as staging:
         (staging / "results.json").write_bytes(b"new")
 except OutputError as fault:
     print(fault)

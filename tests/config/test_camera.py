@@ -20,7 +20,7 @@ from uavgram.model.camera import (
     CameraProvenance,
     LensModel,
     Readout,
-    published_readout,
+    find_published_readout,
 )
 from uavgram.model.limits import number_text
 from uavgram.model.provenance import InputDigest
@@ -205,15 +205,15 @@ def test_nonsense_is_refused_with_its_line(tmp_path: Path, more: str, why: str) 
 
 
 def test_published_values_are_those_of_opendronemap() -> None:
-    usual = published_readout("DJI", "FC330", 4000, 3000)
+    usual = find_published_readout("DJI", "FC330", 4000, 3000)
     assert usual == Readout(value_s=0.033, sigma_s=0.005)
-    wide = published_readout("Hasselblad", "L1D-20c", 5472, 3078)
-    whole = published_readout("Hasselblad", "L1D-20c", 5472, 3648)
+    wide = find_published_readout("Hasselblad", "L1D-20c", 5472, 3078)
+    whole = find_published_readout("Hasselblad", "L1D-20c", 5472, 3648)
     assert wide is not None
     assert whole is not None
     assert (wide.value_s, whole.value_s) == (0.047, 0.056)
-    assert published_readout("DJI", "FC6310", 5472, 3648) is None  # it has two shutters
-    assert published_readout("", "", 4000, 3000) is None
+    assert find_published_readout("DJI", "FC6310", 5472, 3648) is None  # it has two shutters
+    assert find_published_readout("", "", 4000, 3000) is None
 
 
 # camera.yaml as this program writes it: read back to the bit, with where it comes from.

@@ -21,7 +21,7 @@ from pyproj import Geod, Proj, Transformer
 
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
-from uavgram.views.units import quantity
+from uavgram.views.units import format_quantity
 
 Content = dict[str, Any]
 """Of results.json."""
@@ -105,7 +105,7 @@ def test_measured_distances_are_the_dimensions_of_the_drawing(demo: Demo, conten
         if measured["kind"] == "distance" and measured["value"] is not None:
             ends = [drawn[label] for label in measured["points"]]
             assert math.dist(*ends) == pytest.approx(measured["value"], abs=DISTANCE_M)
-            told = quantity(measured["value"], measured["sigma"], "m")
+            told = format_quantity(measured["value"], measured["sigma"], "m")
             assert f"{measured['name']}: {told}" in said
             tried += 1
     assert tried > 3

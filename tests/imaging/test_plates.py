@@ -8,7 +8,7 @@ from plate_pictures import photo_of, plate_samples, quad, shadowed
 from scipy.stats import chi2
 
 from uavgram.imaging.plate_fit import Window, fit_plate, fit_with_shadows, render_plate
-from uavgram.imaging.plates import count_plates, read_cells, sight_plates
+from uavgram.imaging.plates import count_plates, detect_plates, read_cells
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import FAMILIES
 from uavgram.model.observations import RejectedPlate
@@ -66,7 +66,7 @@ def test_corners_are_as_good_as_their_sigmas_say() -> None:
         photo = photo_of(
             plate_samples(read_cells(family, plate), corner, (56, 56)), rng, noise=6.0, quality=85
         )
-        (seen,) = sight_plates(photo, family)
+        (seen,) = detect_plates(photo, family)
         assert (seen.plate, seen.left_out) == (plate, RejectedPlate.NO)
         errors.append(seen.corner_px - corner)
         sigmas.append(seen.sigma_px)
@@ -97,7 +97,7 @@ def test_a_shadow_across_a_plate_is_fitted() -> None:
 def test_texture_is_no_plate() -> None:
     rng = np.random.default_rng(5)
     grey = np.asarray(128 + 60 * np.sign(np.kron(rng.standard_normal((40, 40)), np.ones((4, 4)))))
-    assert sight_plates(np.clip(grey, 0, 255).astype(np.uint8), ARUCO) == ()
+    assert detect_plates(np.clip(grey, 0, 255).astype(np.uint8), ARUCO) == ()
 
 
 def test_a_plate_with_another_cell_is_no_plate() -> None:
@@ -107,14 +107,14 @@ def test_a_plate_with_another_cell_is_no_plate() -> None:
     photo = photo_of(
         plate_samples(cells, quad((24, 24), 22.0, 10.0), SHAPE), np.random.default_rng(1)
     )
-    assert sight_plates(photo, ARUCO) == ()
+    assert detect_plates(photo, ARUCO) == ()
 
 
 def test_one_number_twice_in_a_photo_is_told() -> None:
     cells = read_cells(ARUCO, 9)
     one, other = (plate_samples(cells, quad((24, 24), 20.0, turn), SHAPE) for turn in (5.0, 40.0))
     photo = photo_of(np.hstack([one, other]), np.random.default_rng(2))
-    assert [seen.left_out for seen in sight_plates(photo, ARUCO)] == [
+    assert [seen.left_out for seen in detect_plates(photo, ARUCO)] == [
         RejectedPlate.TWICE,
         RejectedPlate.TWICE,
     ]
@@ -123,6 +123,6 @@ def test_one_number_twice_in_a_photo_is_told() -> None:
 def test_a_large_plate_is_measured_as_well() -> None:
     corner: Floats = quad((80.3, 79.6), 110.0, 12.0, 0.9)
     samples = plate_samples(read_cells(ARUCO, 2), corner, (160, 160))
-    (seen,) = sight_plates(photo_of(samples, np.random.default_rng(4)), ARUCO)
+    (seen,) = detect_plates(photo_of(samples, np.random.default_rng(4)), ARUCO)
     assert np.abs(seen.corner_px - corner).max() < 0.1
     assert np.abs(seen.corner_px - corner).max() < 4 * seen.sigma_px.max()

@@ -12,7 +12,7 @@ from tied_photos import HEIGHT_PX, WIDTH_PX, flight, photo
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.imaging.ties import (
-    KEPT,
+    MAX_FEATURES,
     MIN_MATCHES,
     WORKING_PX,
     Features,
@@ -73,7 +73,7 @@ def test_strong_texture_in_one_corner_leaves_features_for_the_rest() -> None:
     found = find_features(np.asarray(grey, np.uint8))
     in_corner = ((found.pixel_px < [500, 400]).all(axis=1)).mean()
 
-    assert len(found.pixel_px) <= KEPT
+    assert len(found.pixel_px) <= MAX_FEATURES
     assert in_corner < 0.25
 
 

@@ -110,7 +110,7 @@ def test_nothing_else_can_be_asked_for(home: Path, inside: str) -> None:
     with pytest.raises(InputError):
         folders.folders_in(home / inside)
     with pytest.raises(InputError):
-        folders.checked(Path(f"{home}/{inside}"))
+        folders.check_folder(Path(f"{home}/{inside}"))
 
 
 def test_a_folder_that_becomes_a_link_is_refused(home: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_folder_that_becomes_a_link_is_refused(home: Path) -> None:
     found.rmdir()
     found.symlink_to(home.parent / "secret")
     with pytest.raises(InputError, match="link"):
-        folders.checked(found)
+        folders.check_folder(found)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")

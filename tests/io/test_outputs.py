@@ -20,7 +20,7 @@ from uavgram.io.outputs import (
     claim_folder,
     replace_bytes,
     replace_text,
-    staged_output,
+    stage_output,
 )
 
 
@@ -43,7 +43,7 @@ def earlier(tmp_path: Path) -> Path:
 
 
 def run_and_fail(folder: Path, failure: BaseException | type[BaseException]) -> None:
-    with staged_output(folder) as staging:
+    with stage_output(folder) as staging:
         write_all(staging)
         raise failure
 
@@ -55,7 +55,7 @@ def write_all(staging: Path) -> None:
 
 
 def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier: Path) -> None:
-    with staged_output(earlier) as staging:
+    with stage_output(earlier) as staging:
         write_all(staging)
         assert set(content(earlier).values()) >= {"old"}
         assert (earlier / "results.json").read_text() == "old"
@@ -65,7 +65,7 @@ def test_complete_results_replace_earlier_ones_and_leave_other_files(earlier: Pa
 
 
 def test_a_new_folder_is_made_with_its_parents(tmp_path: Path) -> None:
-    with staged_output(tmp_path / "a" / "b") as staging:
+    with stage_output(tmp_path / "a" / "b") as staging:
         write_all(staging)
 
     assert (tmp_path / "a" / "b" / "results.json").read_text() == "new"
@@ -105,7 +105,7 @@ def test_a_failure_while_moving_undoes_what_was_moved(
         return move(self, target)
 
     monkeypatch.setattr(Path, "replace", failing)
-    with pytest.raises(type(failure)), staged_output(earlier) as staging:
+    with pytest.raises(type(failure)), stage_output(earlier) as staging:
         write_all(staging)
     assert content(earlier) == before
 
@@ -118,7 +118,7 @@ def test_results_json_is_moved_last(earlier: Path, monkeypatch: pytest.MonkeyPat
         return move(self, target)
 
     monkeypatch.setattr(Path, "replace", noted)
-    with staged_output(earlier) as staging:
+    with stage_output(earlier) as staging:
         write_all(staging)
         (staging / "zzz.txt").touch()
 
@@ -130,7 +130,7 @@ def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier: Path) -> No
     (earlier / "added.csv").mkdir()
     before = content(earlier)
 
-    with pytest.raises(OutputError, match="--output"), staged_output(earlier) as staging:
+    with pytest.raises(OutputError, match="--output"), stage_output(earlier) as staging:
         write_all(staging)
     assert content(earlier) == before
 
@@ -138,9 +138,9 @@ def test_a_folder_in_the_place_of_a_file_is_an_output_error(earlier: Path) -> No
 def test_a_file_in_the_place_of_the_folder_is_an_output_error(tmp_path: Path) -> None:
     (tmp_path / "out").touch()
 
-    with pytest.raises(OutputError, match="choose another folder"), staged_output(tmp_path / "out"):
+    with pytest.raises(OutputError, match="choose another folder"), stage_output(tmp_path / "out"):
         pass
-    with pytest.raises(OutputError), staged_output(tmp_path / "out" / "deeper"):
+    with pytest.raises(OutputError), stage_output(tmp_path / "out" / "deeper"):
         pass
 
 
@@ -153,7 +153,7 @@ def test_a_full_disk_is_an_output_error_with_the_way_out(earlier: Path) -> None:
 
 
 def test_a_failure_elsewhere_keeps_its_own_name(earlier: Path, tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError), staged_output(earlier):
+    with pytest.raises(FileNotFoundError), stage_output(earlier):
         (tmp_path / "absent.jpg").read_bytes()
 
 
@@ -162,8 +162,8 @@ def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays
 ) -> None:
     script = (
         "import sys, time\n"
-        "from uavgram.io.outputs import staged_output\n"
-        "with staged_output(sys.argv[1]) as staging:\n"
+        "from uavgram.io.outputs import stage_output\n"
+        "with stage_output(sys.argv[1]) as staging:\n"
         "    (staging / 'half').write_text('x')\n"
         "    print('ready', flush=True)\n"
         "    time.sleep(60)\n"
@@ -172,20 +172,20 @@ def test_what_a_killed_run_left_goes_when_the_next_starts_but_a_living_run_stays
     with subprocess.Popen(command, stdout=subprocess.PIPE) as run:
         assert run.stdout is not None
         assert run.stdout.readline() == b"ready\n"
-        with staged_output(earlier):
+        with stage_output(earlier):
             assert len(list(earlier.glob(f"{PREFIX}*"))) == 2  # ours, and the living one
         run.send_signal(signal.SIGKILL)
     (left,) = earlier.glob(f"{PREFIX}*")
     assert (earlier / "results.json").read_text() == "old"
 
-    with staged_output(earlier):
+    with stage_output(earlier):
         assert not left.exists()
 
 
 KILLED_WHILE_MOVING = """
 import os, signal, sys
 from pathlib import Path
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import stage_output
 move, moved = Path.replace, []
 def replace(path, target):
     if "files" in path.parts:
@@ -194,7 +194,7 @@ def replace(path, target):
         moved.append(path)
     return move(path, target)
 Path.replace = replace
-with staged_output(sys.argv[1]) as staging:
+with stage_output(sys.argv[1]) as staging:
     (staging / "previews").mkdir()
     for name in ("results.json", "report.html", "previews/a.png", "added.csv"):
         (staging / name).write_text("new")
@@ -209,7 +209,7 @@ def test_what_a_killed_run_had_moved_is_put_back_unless_it_was_everything(
     before = content(earlier)
     command = [sys.executable, "-c", KILLED_WHILE_MOVING, str(earlier), str(moves)]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
-    with staged_output(earlier):
+    with stage_output(earlier):
         pass
     assert not list(earlier.glob(".*"))
     if moves < 4:
@@ -225,7 +225,7 @@ def test_no_output_is_written_over_an_input(earlier: Path) -> None:
     before = content(earlier)
     with (
         pytest.raises(OutputError, match=r"report\.html: is an input.*--output"),
-        staged_output(earlier, [earlier / "previews" / ".." / "report.html"]) as staging,
+        stage_output(earlier, [earlier / "previews" / ".." / "report.html"]) as staging,
     ):
         write_all(staging)
     assert content(earlier) == before
@@ -244,7 +244,7 @@ def test_text_is_replaced_in_one_step(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_files_have_the_permissions_of_any_new_file(tmp_path: Path) -> None:
     (tmp_path / "plain").touch()
-    with staged_output(tmp_path / "out") as staging:
+    with stage_output(tmp_path / "out") as staging:
         replace_text(staging / "results.json", "x")
 
     modes = {(tmp_path / name).stat().st_mode for name in ("plain", "out/results.json")}
@@ -270,7 +270,7 @@ def test_a_result_that_is_open_elsewhere_is_written_beside_it_and_the_next_run_t
 ) -> None:
     held |= {earlier / "report.html", earlier / "results.json"}
     before = content(earlier)
-    with staged_output(earlier) as staging:
+    with stage_output(earlier) as staging:
         write_all(staging)
     assert content(earlier) == before | {
         "previews/a.png": "new",
@@ -282,12 +282,12 @@ def test_a_result_that_is_open_elsewhere_is_written_beside_it_and_the_next_run_t
     assert "the new one is report.newer.html" in caplog.text
 
     held.add(earlier / "results.newer.json")  # somebody looks at that one too
-    with staged_output(earlier) as staging:
+    with stage_output(earlier) as staging:
         write_all(staging)
     assert "results.newer-2.json" in content(earlier)
 
     held.clear()
-    with staged_output(earlier) as staging:
+    with stage_output(earlier) as staging:
         write_all(staging)
     names = ("results.json", "report.html", "previews/a.png", "added.csv")
     assert content(earlier) == {**dict.fromkeys(names, "new"), "notes.txt": "old"}
@@ -306,7 +306,7 @@ def test_what_was_written_beside_is_undone_too(
         return move(self, target)
 
     monkeypatch.setattr(Path, "replace", failing)
-    with pytest.raises(OSError, match="I/O"), staged_output(earlier) as staging:
+    with pytest.raises(OSError, match="I/O"), stage_output(earlier) as staging:
         write_all(staging)
     assert content(earlier) == before
 
@@ -325,7 +325,7 @@ NAMES = ("a.csv", "b.html", "results.json")
 
 
 def write(folder: Path, text: str, hold: Callable[[], None]) -> None:
-    with staged_output(folder, hold=hold) as staging:
+    with stage_output(folder, hold=hold) as staging:
         for name in NAMES:
             (staging / name).write_text(text)
 
@@ -428,13 +428,13 @@ def test_results_replace_links_and_folders_that_lead_elsewhere_are_refused(
     out: Path, victim: Path
 ) -> None:
     (out / "results.json").symlink_to(victim)
-    with staged_output(out) as staging:
+    with stage_output(out) as staging:
         (staging / "results.json").write_text("new")
     assert (out / "results.json").read_text() == "new"
     (out / "colmap").symlink_to(victim.parent)
     with (
         pytest.raises(OutputError, match=r"out/colmap: is a link that leads out.*remove the link"),
-        staged_output(out) as staging,
+        stage_output(out) as staging,
     ):
         write_into(staging / "colmap", "victim")
 
@@ -449,7 +449,7 @@ def test_what_looks_like_a_killed_run_moves_and_removes_nothing_elsewhere(
     (stale / "files" / "waits").write_text("x")
     (out / "over").symlink_to(victim.parent)
     (stale / "moving.txt").write_text(f"waits\n{name.format(victim=victim)}\n.")
-    with staged_output(out) as staging:
+    with stage_output(out) as staging:
         (staging / "results.json").write_text("new")
     assert not stale.exists()
 
@@ -470,7 +470,7 @@ def test_a_forged_killed_run_takes_no_files_from_elsewhere(
         stale.symlink_to(victim.parent)
     if inside:
         (stale / "moving.txt").write_text("waits\nvictim\n.")
-    with staged_output(out) as staging:
+    with stage_output(out) as staging:
         (staging / "results.json").write_text("new")
     assert not (out / "victim").exists()
 
@@ -484,12 +484,12 @@ def test_a_folder_that_holds_the_photos_takes_no_results(tmp_path: Path, out: Pa
     for folder in (photos, out / "by-a-link", photos / ".." / "photos"):
         with (
             pytest.raises(OutputError, match="holds the photos themselves"),
-            staged_output(folder, photos=[photo]),
+            stage_output(folder, photos=[photo]),
         ):
             pass
     with (
         pytest.raises(OutputError, match="project/photos: holds the photos themselves"),
-        staged_output(photos.parent, photos=[photo]) as staging,
+        stage_output(photos.parent, photos=[photo]) as staging,
     ):
         write_into(staging / "photos", "P2.jpg")
     assert os.listdir(photos) == ["P1.jpg"]  # noqa: PTH208

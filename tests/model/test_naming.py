@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 
 
 @pytest.mark.parametrize(
@@ -25,4 +25,4 @@ from uavgram.model.naming import figures
 def test_a_number_has_its_digits_and_no_power_of_ten(
     value: float, digits: int, sign: str, text: str
 ) -> None:
-    assert figures(value, digits, sign) == text
+    assert format_digits(value, digits, sign) == text

@@ -11,7 +11,7 @@ from executor_work import GO_ON, HELD_BY, STOPPED, fail_at_two, hang_once
 
 from uavgram.errors import UavgramError
 from uavgram.pipeline import cluster, process_settings
-from uavgram.pipeline.cluster import Cluster, on_cluster
+from uavgram.pipeline.cluster import Cluster, run_on_cluster
 
 
 @pytest.fixture
@@ -29,7 +29,8 @@ def local(monkeypatch: pytest.MonkeyPatch) -> Iterator[distributed.LocalCluster]
 def test_each_item_is_made_and_what_fails_stops_no_other(local: distributed.LocalCluster) -> None:
     address = local.scheduler_address
     ended = {
-        one.number: one for one in on_cluster(fail_at_two, [0, 1, 2, 3], Cluster(address=address))
+        one.number: one
+        for one in run_on_cluster(fail_at_two, [0, 1, 2, 3], Cluster(address=address))
     }
 
     assert {k: one.value for k, one in ended.items()} == {0: 0, 1: 1, 2: None, 3: 9}
@@ -50,7 +51,7 @@ def test_an_item_of_a_worker_that_fell_silent_is_made_by_another(
 
     threading.Thread(target=stop_the_busy, daemon=True).start()
     try:
-        ended = list(on_cluster(hang_once, range(4), Cluster(address=local.scheduler_address)))
+        ended = list(run_on_cluster(hang_once, range(4), Cluster(address=local.scheduler_address)))
     finally:
         GO_ON.set()
 
@@ -64,14 +65,14 @@ def test_without_workers_it_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPat
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as empty,
         pytest.raises(UavgramError, match=r"no worker.*dask worker.*goes on"),
     ):
-        list(on_cluster(fail_at_two, [1], Cluster(address=empty.scheduler_address)))
+        list(run_on_cluster(fail_at_two, [1], Cluster(address=empty.scheduler_address)))
 
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "_TIMEOUT_S", 0.2)
 
     with pytest.raises(UavgramError, match=r"127\.0\.0\.1:9 does not answer.*dask scheduler"):
-        list(on_cluster(fail_at_two, [1], Cluster(address="tcp://127.0.0.1:9")))
+        list(run_on_cluster(fail_at_two, [1], Cluster(address="tcp://127.0.0.1:9")))
 
 
 def test_tls_that_is_asked_for_is_required() -> None:
@@ -80,11 +81,11 @@ def test_tls_that_is_asked_for_is_required() -> None:
     )
 
     with pytest.raises(UavgramError, match="does not answer"):  # not without encryption
-        list(on_cluster(fail_at_two, [1], files))
+        list(run_on_cluster(fail_at_two, [1], files))
 
 
 def test_without_dask_there_is_a_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
 
     with pytest.raises(UavgramError, match=r"pip install 'uavgram\[cluster\]'"):
-        list(on_cluster(fail_at_two, [1], Cluster(address="tcp://127.0.0.1:9")))
+        list(run_on_cluster(fail_at_two, [1], Cluster(address="tcp://127.0.0.1:9")))

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from uavgram.errors import InputError
 from uavgram.pipeline.check import check
 from uavgram.pipeline.measure.run import run
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 
 
 def numbers() -> set[int]:
@@ -28,14 +28,14 @@ def _two() -> Iterator[None]:
 
 
 def test_the_setting_comes_back_also_after_an_error() -> None:
-    @with_one_blas_thread
+    @limit_blas_threads
     def failing() -> Never:
         raise KeyError(*numbers())
 
     with pytest.raises(KeyError, match="1"):
         failing()
     assert numbers() == {2}
-    assert with_one_blas_thread(numbers)() == {1}
+    assert limit_blas_threads(numbers)() == {1}
 
 
 @pytest.mark.parametrize("call", [run, check])
@@ -61,13 +61,13 @@ def test_calls_that_overlap_share_it_and_the_last_one_puts_it_back() -> None:
     first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
     seen = {}
 
-    @with_one_blas_thread
+    @limit_blas_threads
     def second() -> None:
         second_is_in.set()
         first_is_out.wait(10)
         seen["second, alone"] = numbers()
 
-    @with_one_blas_thread
+    @limit_blas_threads
     def first() -> None:
         first_is_in.set()
         second_is_in.wait(10)

@@ -19,7 +19,7 @@ from uavgram.io.cameras import read_drone_cameras
 from uavgram.io.photos.metadata import read_camera_tags
 from uavgram.model import camera as calibration
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import AssumedErrors, Calibration, CameraTags, assumed_covariance
+from uavgram.model.camera import AssumedErrors, Calibration, CameraTags, make_assumed_covariance
 from uavgram.model.message import Message
 from uavgram.model.result.result import CameraUpdate, Estimate, compare_cameras
 from uavgram.stages.camera import assume_camera, report_learnt_camera
@@ -286,7 +286,7 @@ def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Pa
 
 def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square() -> None:
     parameters = np.array([2000.0, 2000, 1000, 700, 0, 0, 0, 0, 0])
-    covariance = assumed_covariance(
+    covariance = make_assumed_covariance(
         "brown", parameters, 2000, AssumedErrors(focal=0.02, centre=0.01)
     )
     ratio = np.zeros(9)

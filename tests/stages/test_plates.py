@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.observations import KnownLines, Picks, RejectedPlate, SeenPlate
-from uavgram.stages.plates import PLATE_TAPE, SQUARE, add_plate_sides, add_targets, own_scale_sigma
+from uavgram.stages.plates import PLATE_TAPE, SQUARE, add_plate_sides, add_targets, make_scale_prior
 
 NO_LINES = KnownLines(
     name=(), start=(), end=(), length_m=np.empty(0), sigma_m=np.empty(0), adjust=np.empty(0, bool)
@@ -34,7 +34,7 @@ def test_four_corners_are_four_sides_and_two_diagonals() -> None:
     assert lengths[frozenset({"T7-1", "T7-4"})] == pytest.approx(0.6)
     assert lengths[frozenset({"T7-2", "T7-4"})] == pytest.approx(0.6 * 2**0.5)
     assert set(lines.tape) == {PLATE_TAPE}
-    ((tape, sigma),) = own_scale_sigma(0.6 * SQUARE, 0.0012)
+    ((tape, sigma),) = make_scale_prior(0.6 * SQUARE, 0.0012)
     assert tape == PLATE_TAPE
     assert sigma == pytest.approx(0.002)
 

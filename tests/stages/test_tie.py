@@ -13,25 +13,25 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Poses
 from uavgram.model.survey import NO_TIES, TiePicks
 from uavgram.stages.tie import (
-    BESIDE,
-    ENOUGH,
-    LARGE,
-    MOST,
-    NEAR,
-    SHARED,
+    MAX_PICK_DISTANCE_SHARE,
+    MAX_SIGHTINGS,
+    NOISY_SIZE_PX,
+    POINTS_BESIDE_PICK,
+    SUFFICIENT_SIGHTINGS,
+    WANTED_COMMON_POINTS,
     Matches,
     Seen,
     Sighted,
     Tracks,
     choose,
-    fitting,
-    overlap,
-    pairs_of,
+    choose_pairs,
+    compute_overlap,
+    compute_relative_noise,
+    estimate_sigmas,
+    join_tracks,
+    mark_fitting_matches,
     predict,
-    relative_noise,
-    remarks,
-    sigmas,
-    tracks_of,
+    report_ties,
 )
 
 
@@ -49,7 +49,7 @@ def row_of(east_m: Floats) -> Seen:
 
 def test_the_share_is_that_of_the_rectangles() -> None:
     width_m = 640 / FOCAL_PX * 30.0
-    share = overlap(row_of(np.array([0.0, width_m / 2, 2 * width_m])))
+    share = compute_overlap(row_of(np.array([0.0, width_m / 2, 2 * width_m])))
 
     assert share[0, 1] == pytest.approx(0.5, abs=0.07)  # the grid's eighth
     assert share[0, 2] == 0.0
@@ -61,7 +61,7 @@ def test_a_photo_of_the_sky_overlaps_none() -> None:
     seen = row_of(np.array([0.0, 5.0]))
     up = np.array([DOWN, np.eye(3)])
 
-    share = overlap(replace(seen, poses=replace(seen.poses, world_from_camera=up)))
+    share = compute_overlap(replace(seen, poses=replace(seen.poses, world_from_camera=up)))
 
     np.testing.assert_array_equal(share, 0.0)
 
@@ -92,8 +92,8 @@ def test_poses_that_say_little_predict_nothing() -> None:
 def test_each_photo_is_compared_with_those_it_shares_most_with() -> None:
     score = np.array([[0, 9, 5, 1], [9, 0, 6, 2], [5, 6, 0, 3], [1, 2, 3, 0]]) / 10.0
 
-    assert pairs_of(score, 0.05, most=1).tolist() == [[0, 1], [1, 2], [2, 3]]
-    assert pairs_of(score, 0.55, most=3).tolist() == [[0, 1], [1, 2]]
+    assert choose_pairs(score, 0.05, most=1).tolist() == [[0, 1], [1, 2], [2, 3]]
+    assert choose_pairs(score, 0.55, most=3).tolist() == [[0, 1], [1, 2]]
 
 
 # Matches of pairs become points over all photos, and their noise is learnt from them.
@@ -108,7 +108,7 @@ def matches(*pairs: tuple[int, int]) -> Matches:
 def test_matches_are_joined_through_each_other() -> None:
     photo = np.array([0, 1, 2, 0, 1])
 
-    tracks = tracks_of(matches((0, 1), (1, 2), (3, 4)), photo)
+    tracks = join_tracks(matches((0, 1), (1, 2), (3, 4)), photo)
 
     np.testing.assert_array_equal(tracks.point, [0, 0, 0, 1, 1])
     np.testing.assert_array_equal(tracks.feature, [0, 1, 2, 3, 4])
@@ -118,7 +118,7 @@ def test_a_sighting_that_hangs_by_a_thread_goes() -> None:
     # 0 to 3 are matched with each other; 4 with one of them only
     all_with_all = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
 
-    tracks = tracks_of(matches(*all_with_all, (3, 4)), np.arange(5))
+    tracks = join_tracks(matches(*all_with_all, (3, 4)), np.arange(5))
 
     np.testing.assert_array_equal(tracks.feature, [0, 1, 2, 3])
 
@@ -127,14 +127,14 @@ def test_a_point_that_a_photo_would_show_twice_goes() -> None:
     photo = np.array([0, 1, 2, 0, 1, 0, 2])
 
     # 0-1-2-3: photo 0 twice; 4-6 stays
-    tracks = tracks_of(matches((0, 1), (1, 2), (2, 3), (4, 6)), photo)
+    tracks = join_tracks(matches((0, 1), (1, 2), (2, 3), (4, 6)), photo)
 
     np.testing.assert_array_equal(tracks.feature, [4, 6])
     np.testing.assert_array_equal(tracks.point, [0, 0])
 
 
 def test_without_matches_there_are_no_points() -> None:
-    assert len(tracks_of(matches(), np.array([0, 1])).point) == 0
+    assert len(join_tracks(matches(), np.array([0, 1])).point) == 0
 
 
 def test_sigmas_come_back_from_the_distances_they_made() -> None:
@@ -143,12 +143,12 @@ def test_sigmas_come_back_from_the_distances_they_made() -> None:
     count = 4000
     feature = np.arange(2 * count).reshape(2, count).T
     pair = np.repeat([0, 1], count // 2)
-    relative = relative_noise(rng.uniform(1.0, 3.0 * LARGE, 2 * count), 1.0)
+    relative = compute_relative_noise(rng.uniform(1.0, 3.0 * NOISY_SIZE_PX, 2 * count), 1.0)
     true = np.where(pair == 0, 0.1, 0.25)
     spread = true * np.sqrt((relative[feature] ** 2).sum(axis=1))
     found = Matches(feature, pair, rng.normal(0.0, spread))
 
-    sigma = sigmas(found, relative, 2, 1.0)
+    sigma = estimate_sigmas(found, relative, 2, 1.0)
 
     for which, value in enumerate((0.1, 0.25)):
         rows = feature[pair == which].ravel()
@@ -163,7 +163,7 @@ def test_what_stands_out_of_its_pair_goes() -> None:
     across[::20] = 2.0
     found = Matches(feature, np.zeros(200, np.int64), across)
 
-    good = fitting(found, np.ones(400), 1)
+    good = mark_fitting_matches(found, np.ones(400), 1)
 
     assert not good[::20].any()
     assert np.delete(good, np.arange(0, 200, 20)).mean() > 0.98
@@ -172,7 +172,9 @@ def test_what_stands_out_of_its_pair_goes() -> None:
 def test_features_of_whole_trees_are_no_points() -> None:
     found = Matches(np.array([[0, 1], [2, 3]]), np.zeros(2, np.int64), np.array([0.1, 0.1]))
 
-    good = fitting(found, relative_noise(np.array([3.0, 3.0, 3.0, 80.0]), 1.0), 1)
+    good = mark_fitting_matches(
+        found, compute_relative_noise(np.array([3.0, 3.0, 3.0, 80.0]), 1.0), 1
+    )
 
     assert good.tolist() == [True, False]
 
@@ -182,7 +184,7 @@ def test_of_features_in_two_pairs_the_sigma_lies_between() -> None:
         np.array([[0, 1], [0, 2]]), np.array([0, 1]), np.array([0.1, 0.3]) * np.sqrt(2.0)
     )
 
-    sigma = sigmas(found, np.ones(4), 2, 1.0)
+    sigma = estimate_sigmas(found, np.ones(4), 2, 1.0)
 
     assert sigma[0] == pytest.approx(np.sqrt((0.01 + 0.09) / 2))
     assert sigma[1] == pytest.approx(0.1)
@@ -224,7 +226,7 @@ def test_thousands_become_a_hundred_in_each_photo_spread_over_it() -> None:
 
     for photo in range(3):
         pixel = everything.pixel_px[kept & (everything.photo == photo)]
-        assert ENOUGH <= len(pixel) <= MOST + 1
+        assert SUFFICIENT_SIGHTINGS <= len(pixel) <= MAX_SIGHTINGS + 1
         quarters = Counter(map(tuple, (pixel // (500, 400)).astype(int).tolist()))
         assert len(quarters) == 4
         assert min(quarters.values()) >= 12
@@ -256,7 +258,7 @@ def test_a_pair_with_little_in_common_gets_more() -> None:
 
     kept = choose(sighted(point, photo, np.vstack([full.pixel_px, corner])))
 
-    assert (kept >= 400).sum() >= SHARED
+    assert (kept >= 400).sum() >= WANTED_COMMON_POINTS
 
 
 def test_nothing_is_chosen_of_nothing() -> None:
@@ -281,11 +283,15 @@ def test_around_picks_more_are_kept_that_several_photos_show() -> None:
     assert before < after
     added = np.array(sorted(after - before))
     away = np.linalg.norm(place[added][:, None] - picked, axis=2).min(axis=1)
-    assert away.max() <= NEAR * SIZE[0]
+    assert away.max() <= MAX_PICK_DISTANCE_SHARE * SIZE[0]
     assert long[added].all()
     for one in picked[:2]:
-        near = [k for k in after if np.linalg.norm(place[k] - one) <= NEAR * SIZE[0] and long[k]]
-        assert len(near) >= BESIDE
+        near = [
+            k
+            for k in after
+            if np.linalg.norm(place[k] - one) <= MAX_PICK_DISTANCE_SHARE * SIZE[0] and long[k]
+        ]
+        assert len(near) >= POINTS_BESIDE_PICK
 
 
 # What is said of tie points: how many, which photos they miss, which hang apart.
@@ -303,14 +309,14 @@ def ties(*pairs: tuple[str, str]) -> TiePicks:
 
 
 def test_all_photos_in_one_group_need_one_sentence() -> None:
-    (message,) = remarks(ties(("a", "b"), ("b", "c"), ("a", "b")), ["a", "b", "c"], "ties.csv")
+    (message,) = report_ties(ties(("a", "b"), ("b", "c"), ("a", "b")), ["a", "b", "c"], "ties.csv")
 
     assert message.code == "ties-found"
     assert "3 tie points were found in 3 of 3 photos, 1 to 3 in each: ties.csv" in message.text
 
 
 def test_a_photo_that_nothing_ties_is_named() -> None:
-    _, message = remarks(ties(("a", "b")), ["a", "b", "c"], "ties.csv")
+    _, message = report_ties(ties(("a", "b")), ["a", "b", "c"], "ties.csv")
 
     assert message.code == "photo-untied"
     assert message.frames == ("c",)
@@ -319,7 +325,7 @@ def test_a_photo_that_nothing_ties_is_named() -> None:
 def test_groups_that_nothing_joins_are_told() -> None:
     pairs = [("a", "b"), ("b", "c"), ("d", "e")]
 
-    _, message = remarks(ties(*pairs), list("abcde"), "ties.csv")
+    _, message = report_ties(ties(*pairs), list("abcde"), "ties.csv")
 
     assert message.code == "ties-apart"
     assert message.frames == ("d", "e")
@@ -327,6 +333,6 @@ def test_groups_that_nothing_joins_are_told() -> None:
 
 
 def test_no_tie_point_at_all_is_a_warning() -> None:
-    (message,) = remarks(NO_TIES, ["a", "b"], "ties.csv")
+    (message,) = report_ties(NO_TIES, ["a", "b"], "ties.csv")
 
     assert (message.code, message.level) == ("ties-none", "warning")

@@ -25,7 +25,7 @@ def test_the_readout_and_lengths_are_as_far_off_as_their_sigmas_say() -> None:
         adjustment = refine(scene.survey, SolveOptions())[0].adjustment
         if not adjustment.problem.layout.readout:
             continue
-        variance = adjustment.shared(adjustment.problem.layout.first_readout, 1)[0, 0]
+        variance = adjustment.shared_covariance(adjustment.problem.layout.first_readout, 1)[0, 0]
         readout.append((adjustment.state.readout[0] - drawn_s) ** 2 / variance)
         gain.append(np.sqrt(variance) / 0.03)
         start, end = (

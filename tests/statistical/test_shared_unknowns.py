@@ -31,7 +31,7 @@ def found_and_true(name: str, trials: int = TRIALS) -> tuple[Floats, Floats]:
         )
         adjustment = refine(scene.survey, SolveOptions())[0].adjustment
         first = adjustment.problem.layout.first_telemetry + part.start
-        covariance = adjustment.shared(first, part.stop - part.start)
+        covariance = adjustment.shared_covariance(first, part.stop - part.start)
         error = adjustment.state.telemetry[part] - scene.truth.telemetry[part]
         squares.append(float(error @ np.linalg.solve(covariance, error)))
         gain.append(np.sqrt(np.diag(covariance)) / adjustment.problem.telemetry_sigma[part])

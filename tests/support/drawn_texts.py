@@ -14,7 +14,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import Paper
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
-from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
+from uavgram.stages.products.plan_sheets import find_surveyed_extent, lay_plan
 from uavgram.stages.products.text_places import overlaps
 from uavgram.views.recording.labels import (
     HALF_LETTER_ON_SCREEN,
@@ -109,7 +109,7 @@ def on_plan(result: Result) -> Drawn:
 
 def plan_page(result: Result, paper: Paper = "a4", scale: int | None = None) -> PlanPage:
     """The last sheet of a plan to scale, without a picture."""
-    extent = surveyed_extent(result)
+    extent = find_surveyed_extent(result)
     plan = lay_plan(extent, paper, scale)
     content = PlanContent(
         result=result, plan=plan, overview=lay_plan(extent, paper), pictures=lambda *_: None,

@@ -22,7 +22,7 @@ import numpy as np
 from log_mutants import mutant, short_logs
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
+from uavgram.estimation.clocks.clock_line import convert_boot_to_utc, fit_boot_clock
 from uavgram.geometry.geodesy import Origin, enu_from_geodetic, geodetic_from_enu
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
@@ -206,7 +206,7 @@ def _judge(tally: Tally, name: str, base: Seen, surveys: list[Inputs], path: Pat
 def exposures(logs: Path) -> Floats:
     """Instants over the ten seconds, less their ends, where any loss leaves photos out."""
     boot = read_flight_log(logs / "twin_short.BIN").boots[0]
-    return to_utc(fit_boot_clock(boot)[0], np.linspace(*BETWEEN_BOOT_S, PHOTOS))
+    return convert_boot_to_utc(fit_boot_clock(boot)[0], np.linspace(*BETWEEN_BOOT_S, PHOTOS))
 
 
 def main() -> None:

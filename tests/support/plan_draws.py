@@ -59,7 +59,7 @@ def errors(
     if world.relief_m:
         rough = replace(scene, ground=GroundOptions(roughness_sigma_m=world.relief_m))
         truth = make_survey(rough, cameras, wanted, ends_m)
-    to_fit, to_draw = (one.adjusted(one.blocks()) for one in (planned, truth))
+    to_fit, to_draw = (one.adjust(one.blocks()) for one in (planned, truth))
     asked = wanted.requests, planned.frames
     found = []
     for _ in range(count):

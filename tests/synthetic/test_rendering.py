@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from uavgram.geometry.camera.projection import project
-from uavgram.imaging.plates import sight_plates
+from uavgram.imaging.plates import detect_plates
 from uavgram.imaging.raster import GroundRaster, Image, Painter, make_box
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import corner_label
@@ -119,7 +119,7 @@ def test_photos_read_row_after_row_show_marks_and_plates_where_each_row_saw_them
     survey = simulate(scenario)
     photo = next(render_photos(survey))
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY), np.uint8)
-    seen = {plate.plate: plate.corner_px for plate in sight_plates(gray, PLATE_FAMILY)}
+    seen = {plate.plate: plate.corner_px for plate in detect_plates(gray, PLATE_FAMILY)}
     assert set(seen) == {0, 1}
     rows = {label: row for row, label in enumerate(survey.truth.label)}
     off, swept = [], []

@@ -119,13 +119,13 @@ def test_without_errors_the_truth_comes_out_again(world: ProjectWorld) -> None:
 
 def test_other_processes_draw_the_same(world: ProjectWorld) -> None:
     there = pickle.loads(pickle.dumps(world))  # noqa: S301  (our own)
-    here, again = world.drawn(2).inputs, there.drawn(2).inputs
+    here, again = world.draw(2).inputs, there.draw(2).inputs
     assert np.array_equal(here.picks.pixel_px, again.picks.pixel_px)
     assert np.array_equal(here.lines.length_m, again.lines.length_m)
 
 
 def test_each_observation_has_the_error_that_is_stated_of_it(world: ProjectWorld) -> None:
-    exact, draws = world.exact().inputs, [world.drawn(k).inputs for k in range(60)]
+    exact, draws = world.exact().inputs, [world.draw(k).inputs for k in range(60)]
     ties = np.array([one.ties.pixel_px - exact.ties.pixel_px for one in draws])
     assert ties.std() == pytest.approx(TIE_PX, rel=0.02)
     known = np.array([one.known.value - exact.known.value for one in draws])
@@ -140,7 +140,7 @@ def test_each_observation_has_the_error_that_is_stated_of_it(world: ProjectWorld
 
 
 def test_a_match_repeats_the_error_of_its_pick(world: ProjectWorld) -> None:
-    exact, draws = world.exact().inputs.picks, [world.drawn(k).inputs.picks for k in range(40)]
+    exact, draws = world.exact().inputs.picks, [world.draw(k).inputs.picks for k in range(40)]
     match = int(np.flatnonzero(exact.of_source("match"))[0])
     origin = next(
         i
@@ -162,7 +162,7 @@ def test_a_match_repeats_the_error_of_its_pick(world: ProjectWorld) -> None:
 def test_hand_picks_are_beside_what_is_meant_alike_in_all_photos(world: ProjectWorld) -> None:
     inputs = world.inputs
     far = replace(inputs, project=replace(inputs.project, picks_identification_sigma_m=0.5))
-    apart = [replace(world, inputs=given).drawn(3).inputs.picks for given in (far, inputs)]
+    apart = [replace(world, inputs=given).draw(3).inputs.picks for given in (far, inputs)]
     moved = apart[0].pixel_px - apart[1].pixel_px
     label, source = np.array(apart[0].label), np.array(apart[0].source)
     own = moved[(label == "P6") & (source == "hand")]

@@ -107,13 +107,13 @@ def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(
     again = simulate(Scenario())
     assert np.array_equal(again.picks.pixel_px, survey.picks.pixel_px)
     assert np.array_equal(again.log.gimbal_rpy_rad, survey.log.gimbal_rpy_rad)
-    other = simulate(Scenario().with_seed(1))
+    other = simulate(Scenario().replace_seed(1))
     assert not np.allclose(other.truth.boresight_rad, survey.truth.boresight_rad)
 
 
 @pytest.mark.parametrize("seed", [Scenario().seed, 1, 2])
 def test_every_point_is_seen_in_three_photos_or_more(seed: int) -> None:
-    survey = simulate(Scenario().with_seed(seed))
+    survey = simulate(Scenario().replace_seed(seed))
     seen = Counter(survey.picks.label)
     assert set(seen) == set(survey.truth.label)
     assert min(seen.values()) >= 3
@@ -280,7 +280,7 @@ def test_a_scenario_that_contradicts_itself_is_refused() -> None:
 
 def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it() -> None:
     def true_mu(seed: int) -> float:
-        truth = simulate(Scenario().with_seed(seed)).truth
+        truth = simulate(Scenario().replace_seed(seed)).truth
         values = dict(zip(truth.measurement_name, truth.measurement_value, strict=True))
         return float(values["speed from skid"] ** 2 / (2 * 9.80665 * values["skid left"]))
 

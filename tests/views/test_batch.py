@@ -83,7 +83,7 @@ def test_the_headline_is_as_bad_as_the_worst(batch: Batch) -> None:
 def test_distances_on_the_map_are_those_on_the_earth(batch: Batch) -> None:
     drawn = batch_map(batch, {})
     assert drawn is not None
-    (first,), (second,) = drawn.drawing.named("surveys")
+    (first,), (second,) = drawn.drawing.find_shapes("surveys")
     _, _, true_m = Geod(ellps="WGS84").inv(4.9, 52.1, 5.4, 52.3)
     bar_m = float(drawn.drawing.bar_text.removesuffix(" km")) * 1000.0
     on_map = math.dist(first, second) / drawn.drawing.bar * bar_m
@@ -92,7 +92,7 @@ def test_distances_on_the_map_are_those_on_the_earth(batch: Batch) -> None:
     assert second[1] < first[1]  # north is up
     assert second[0] > first[0]
     written = [one.text for one in drawn.drawing.written if one.text.endswith("E")]
-    assert len(set(written)) == len(written) == len(drawn.drawing.named("meridian")) >= 2
+    assert len(set(written)) == len(written) == len(drawn.drawing.find_shapes("meridian")) >= 2
     assert batch_map(replace(batch, rows=ROWS[2:]), {}) is None
 
 
@@ -101,7 +101,7 @@ def test_one_place_is_a_map_too(batch: Batch) -> None:
 
     assert drawn is not None
     assert drawn.drawing.bar_text.endswith(" m")
-    ((place,),) = drawn.drawing.named("surveys")
+    ((place,),) = drawn.drawing.find_shapes("surveys")
     assert 0 < place[0] < 1000
     assert 0 < place[1] < drawn.drawing.height
 

@@ -28,9 +28,9 @@ from uavgram.views.field_sheet import (
 from uavgram.views.flight_plan import (
     describe_accuracy,
     describe_alternatives,
+    find_unchecked_lines,
     flight_facts,
     summarise_work,
-    unchecked_lines,
 )
 
 PLAN = sample_plan()
@@ -81,7 +81,7 @@ def test_a_line_that_nothing_replaces_and_one_that_nothing_checks() -> None:
     told = " ".join(describe_alternatives(PLAN))
     assert "Without L5 the survey has no scale" in told
     assert "L3 matters most: without it, expect ± 1.9 cm" in told
-    assert unchecked_lines(PLAN) == ("L4",)
+    assert find_unchecked_lines(PLAN) == ("L4",)
     shown = text_of(PAGE)
     assert "L4 above all, as nothing else checks its reading" in shown
     assert "never: tape it twice" in shown
@@ -139,23 +139,25 @@ SCALE = DRAWING.bar / float(DRAWING.bar_text.removesuffix(" m"))
 
 
 def test_it_is_to_scale_with_north_up() -> None:
-    (drawn,), ground = DRAWING.named("area"), PLAN.area_world_m[:, :2]
+    (drawn,), ground = DRAWING.find_shapes("area"), PLAN.area_world_m[:, :2]
     flipped = (drawn - drawn[0]) * [1.0, -1.0] / SCALE
     np.testing.assert_allclose(flipped, ground - ground[0], atol=1e-9)
-    for (start, end), length_m in zip(DRAWING.named("lines"), PLAN.lines.length_m, strict=True):
+    for (start, end), length_m in zip(
+        DRAWING.find_shapes("lines"), PLAN.lines.length_m, strict=True
+    ):
         assert np.linalg.norm(end - start) / SCALE == pytest.approx(length_m, abs=0.02)
 
 
 def test_all_that_must_be_seen_is_on_the_sheet() -> None:
     for name in ("area", "path", "no_go", "lines", "wanted"):
-        places = np.concatenate(DRAWING.named(name))
+        places = np.concatenate(DRAWING.find_shapes(name))
         assert (places >= 0).all()
         assert (places <= [WIDTH, DRAWING.height]).all()
 
 
 def test_a_photo_points_where_the_nose_does() -> None:
     headings = np.deg2rad(PLAN.frames.heading_deg)
-    for corners, heading in zip(DRAWING.named("photos"), headings, strict=True):
+    for corners, heading in zip(DRAWING.find_shapes("photos"), headings, strict=True):
         ahead = (corners[0] - corners[2]) / np.linalg.norm(corners[0] - corners[2])
         np.testing.assert_allclose(ahead, [np.sin(heading), -np.cos(heading)], atol=0.02)
 
@@ -166,7 +168,7 @@ def test_no_name_covers_another_or_a_line_to_lay() -> None:
     assert not (overlaps(names, names) & other).any()
     assert (names[:, 0] - names[:, 2] >= 0).all()
     assert (names[:, 0] + names[:, 2] <= WIDTH).all()
-    for start, end in DRAWING.named("lines"):
+    for start, end in DRAWING.find_shapes("lines"):
         on_line = start + np.linspace(0, 1, 100)[:, None] * (end - start)
         beside = np.abs(on_line[:, None] - names[None, :, :2]) < names[None, :, 2:4]
         assert not beside.all(axis=2).any()
@@ -211,7 +213,7 @@ def test_the_darker_the_worse_and_white_is_best() -> None:
     places = PLAN.grid.center_world_m[:, :2] * [1.0, -1.0]
     middles = np.array([ring.mean(axis=0) for one in shaded for ring in one.lines]) / SCALE
     level = np.array([int(one.look.fill[1:3], 16) for one in shaded for _ in one.lines])
-    offset = DRAWING.named("area")[0][0] / SCALE - PLAN.area_world_m[0, :2] * [1.0, -1.0]
+    offset = DRAWING.find_shapes("area")[0][0] / SCALE - PLAN.area_world_m[0, :2] * [1.0, -1.0]
     away = np.linalg.norm(middles[:, None] - offset - places, axis=2)
     order = np.argsort(sigma[away.argmin(axis=1)], kind="stable")
 
@@ -219,11 +221,11 @@ def test_the_darker_the_worse_and_white_is_best() -> None:
     assert (np.diff(level[order]) <= 0).all()
     assert levels[0] == 255
     assert levels == sorted(levels, reverse=True)
-    assert len(DRAWING.named("unseen")) == 2 * np.isnan(sigma).sum()
+    assert len(DRAWING.find_shapes("unseen")) == 2 * np.isnan(sigma).sum()
 
 
 def test_cells_of_a_turned_map_lie_side_by_side() -> None:
-    cells = np.array(DRAWING.named("cells"))
+    cells = np.array(DRAWING.find_shapes("cells"))
     others = cells[1:].reshape(-1, 2)
     shared = np.linalg.norm(cells[0][:, None] - others, axis=2) < 1e-6
     assert shared.any(axis=1).sum() >= 2
@@ -267,7 +269,7 @@ def test_of_many_photos_some_are_outlined() -> None:
     )
     drawing = field_drawing(dataclasses.replace(PLAN, frames=many), METRIC)
     assert drawing.outlined == ("P1", "P5", "P9", "P13", "P17", "P21", "P25", "P29")
-    assert len(drawing.drawing.named("footprints")) == 8
+    assert len(drawing.drawing.find_shapes("footprints")) == 8
 
 
 def test_ends_that_nobody_named_have_no_name_of_their_own() -> None:

@@ -12,12 +12,12 @@ from uavgram.views.recording.pages import measured_page
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.result_tables import TABLES, TableColumn, result_table
 from uavgram.views.terminal import measurement_table
-from uavgram.views.units import spread_text
+from uavgram.views.units import format_sigma
 
 TITLE = "sigma, as stated"
 COLUMN = TableColumn(
     TITLE,
-    lambda source, row: spread_text(
+    lambda source, row: format_sigma(
         float(source.result.measurements.sigma_stated[row]),
         source.result.measurements.unit[row],
         source.units,
@@ -35,7 +35,7 @@ def test_a_new_column_is_one_row_for_all_places(monkeypatch: pytest.MonkeyPatch)
 
     assert all(TITLE in show(result) for show in shown)
     assert TITLE not in render_report(result)
-    cell = spread_text(float(result.measurements.sigma_stated[0]), result.measurements.unit[0])
+    cell = format_sigma(float(result.measurements.sigma_stated[0]), result.measurements.unit[0])
     row = next(
         row for row in Page(render_annex(result)).rows if row[0] == result.measurements.name[0]
     )

@@ -25,7 +25,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster, Paper
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
-from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
+from uavgram.stages.products.plan_sheets import find_surveyed_extent, lay_plan
 from uavgram.views.site_plan import GroundPicture, PlanContent, PlanFiles, plan_pages
 from uavgram.views.style import INK
 from uavgram.views.survey.drawing import BLACK
@@ -45,7 +45,7 @@ class Page:
 
 
 def content(result: Result, paper: Paper = "a4", scale: int | None = None) -> PlanContent:
-    extent = surveyed_extent(result)
+    extent = find_surveyed_extent(result)
     return PlanContent(
         result=result,
         plan=lay_plan(extent, paper, scale),
@@ -194,7 +194,7 @@ def joined(pages: list[Page]) -> Floats:
 def test_lengths_on_joined_sheets_are_those_of_the_survey(
     result: Result, paper: Paper, scale: int, share: float
 ) -> None:
-    low, high = surveyed_extent(result)
+    low, high = find_surveyed_extent(result)
     middle, half = (low + high) / 2, share * (high - low) / 2
     wanted = content(result, paper, scale)
     wanted = replace(wanted, plan=lay_plan((middle - half, middle + half), paper, scale))

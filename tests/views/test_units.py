@@ -29,13 +29,13 @@ from uavgram.views.report import render_annex, render_report
 from uavgram.views.terminal import measurement_table
 from uavgram.views.units import (
     convert_sentence,
-    feet_inches,
-    quantity,
+    format_feet_inches,
+    format_quantity,
+    format_sigma,
+    format_value,
+    format_values,
     round_bar,
-    spread_text,
     units_of,
-    value_text,
-    values,
 )
 
 FEET = Units(length="ft", speed="mph")
@@ -49,7 +49,7 @@ INCH_M = 0.0254
 @pytest.mark.parametrize("units", NAMED)
 def test_numbers_are_written_as_the_page_writes_them(units: str) -> None:
     told = [
-        quantity(value, sigma, unit, NAMED[units])
+        format_quantity(value, sigma, unit, NAMED[units])
         for value, sigma, unit in (case["value"] for case in CASES["quantities"])
     ]
 
@@ -61,7 +61,7 @@ def test_numbers_are_written_as_the_page_writes_them(units: str) -> None:
     sigma=st.floats(0.0005, 0.5),
 )
 def test_feet_and_inches_are_rounded_by_less_than_their_sigma(value: float, sigma: float) -> None:
-    told = value_text(value, sigma, "m", IMPERIAL)
+    told = format_value(value, sigma, "m", IMPERIAL)
 
     assert abs(inches_of(told) * INCH_M - value) < max(sigma, INCH_M / 32 + 1e-9)
 
@@ -93,14 +93,16 @@ def inches_of(text: str) -> float:
     ],
 )
 def test_inches_carry_over_into_feet(inches: float, step: float, told: str) -> None:
-    assert feet_inches(inches, step) == told
+    assert format_feet_inches(inches, step) == told
 
 
 def test_values_of_one_unit_share_its_symbol_but_not_feet_and_inches() -> None:
-    assert values((12.3, 12.4), 0.02, "m", METRIC, " to ") == "12.300 to 12.400 m"
-    assert values((12.3, 12.4), 0.02, "m", IMPERIAL, " to ") == "40 ft 4 1/2 in to 40 ft 8 in"
-    assert spread_text(0.021, "m", IMPERIAL) == "0.83 in"
-    assert spread_text(0.5, "m/s", METRIC) == "1.8 km/h"
+    assert format_values((12.3, 12.4), 0.02, "m", METRIC, " to ") == "12.300 to 12.400 m"
+    assert (
+        format_values((12.3, 12.4), 0.02, "m", IMPERIAL, " to ") == "40 ft 4 1/2 in to 40 ft 8 in"
+    )
+    assert format_sigma(0.021, "m", IMPERIAL) == "0.83 in"
+    assert format_sigma(0.5, "m/s", METRIC) == "1.8 km/h"
 
 
 def test_scale_bars_are_round_in_the_unit_that_they_name() -> None:

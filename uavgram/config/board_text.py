@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.imaging.targets.boards import dictionary_names, dictionary_size
 from uavgram.model.board import Board, flat_board
 
@@ -43,23 +43,23 @@ def parse_board(text: str) -> Board:
     if kind == "charuco" and len(parts) == 4:
         return _charuco(text, parts)
     if kind in {"chessboard", "charuco"}:
-        raise _fault(text, f"a {kind} has other parts than these {len(parts)}")
-    hint = near_miss(kind, ("chessboard", "charuco"))
-    raise _fault(text, f"unknown kind of board {kind!r}" + (f" ({hint})" if hint else ""))
+        raise _make_error(text, f"a {kind} has other parts than these {len(parts)}")
+    hint = suggest_spelling(kind, ("chessboard", "charuco"))
+    raise _make_error(text, f"unknown kind of board {kind!r}" + (f" ({hint})" if hint else ""))
 
 
 def _charuco(text: str, parts: list[str]) -> Board:
     columns, rows = _count(text, parts[0], MIN_CORNERS, "squares")
     square_m, marker_m = _length(text, parts[1]), _length(text, parts[2])
     if marker_m >= square_m:
-        raise _fault(text, "the marker is not smaller than the square around it")
+        raise _make_error(text, "the marker is not smaller than the square around it")
     dictionary, wanted = parts[3].upper(), columns * rows // 2
     size = dictionary_size(dictionary)
     if not size:
-        hint = near_miss(dictionary, dictionary_names())
-        raise _fault(text, f"unknown dictionary {parts[3]!r}" + (f" ({hint})" if hint else ""))
+        hint = suggest_spelling(dictionary, dictionary_names())
+        raise _make_error(text, f"unknown dictionary {parts[3]!r}" + (f" ({hint})" if hint else ""))
     if size < wanted:
-        raise _fault(text, f"{dictionary} has {size} markers, this board needs {wanted}")
+        raise _make_error(text, f"{dictionary} has {size} markers, this board needs {wanted}")
     return flat_board(
         columns - 1,
         rows - 1,
@@ -73,24 +73,24 @@ def _charuco(text: str, parts: list[str]) -> Board:
 def _count(text: str, part: str, least: int, what: str) -> tuple[int, int]:
     match = _COUNT.fullmatch(part)
     if match is None:
-        raise _fault(text, f"{part!r} is no number of {what}: write 9x6")
+        raise _make_error(text, f"{part!r} is no number of {what}: write 9x6")
     columns, rows = int(match[1]), int(match[2])
     if min(columns, rows) < least:
-        raise _fault(text, f"{part!r}: at least {least} {what} each way are needed")
+        raise _make_error(text, f"{part!r}: at least {least} {what} each way are needed")
     if max(columns, rows) > MAX_CORNERS:
-        raise _fault(text, f"{part!r}: at most {MAX_CORNERS} {what} each way are possible")
+        raise _make_error(text, f"{part!r}: at most {MAX_CORNERS} {what} each way are possible")
     return columns, rows
 
 
 def _length(text: str, part: str) -> float:
     match = _LENGTH.fullmatch(part.replace(" ", ""))
     if match is None:
-        raise _fault(text, f"{part!r} is no length: write 25mm, 2.5cm or 0.025m")
+        raise _make_error(text, f"{part!r} is no length: write 25mm, 2.5cm or 0.025m")
     length_m = float(match[1]) * _UNITS[match[2]]
     if not 0 < length_m <= _LARGEST_SQUARE_M:
-        raise _fault(text, f"{part!r}: between 0 and {_LARGEST_SQUARE_M:g} m is possible")
+        raise _make_error(text, f"{part!r}: between 0 and {_LARGEST_SQUARE_M:g} m is possible")
     return length_m
 
 
-def _fault(text: str, what: str) -> InputError:
+def _make_error(text: str, what: str) -> InputError:
     return InputError(OPTION, f"{text!r}: {what}; write {NOTATION}")

@@ -246,7 +246,7 @@ def camera_text(calibration: Calibration, provenance: CameraProvenance) -> str:
     sigma = calibration.covariance.diagonal() ** 0.5
     lines = [
         "# Interior orientation. Pixels: (0, 0) is the centre of the top-left pixel.",
-        f"name: {_quoted(calibration.name)}",
+        f"name: {_quote(calibration.name)}",
         f"model: {calibration.model}",
         f"width_px: {calibration.width_px}",
         f"height_px: {calibration.height_px}",
@@ -278,7 +278,7 @@ def _row(values: Floats) -> str:
     return f"[{', '.join(map(number_text, values.tolist()))}]"
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     """Return a text in double quotes, with all special characters escaped."""
     dumped: str = yaml.safe_dump(text, default_style='"', allow_unicode=True, width=math.inf)
     return dumped.strip()
@@ -286,27 +286,27 @@ def _quoted(text: str) -> str:
 
 def _provenance_lines(provenance: CameraProvenance) -> Iterable[str]:
     for key in ("program", "version", "created_utc", "source"):
-        yield f"{key}: {_quoted(getattr(provenance, key))}"
+        yield f"{key}: {_quote(getattr(provenance, key))}"
     for key in ("board", "make", "camera_model"):
         if text := getattr(provenance, key):
-            yield f"{key}: {_quoted(text)}"
+            yield f"{key}: {_quote(text)}"
     for key in ("focal_mm", "focus_m", "variance_factor"):
         if (value := getattr(provenance, key)) is not None:
             yield f"{key}: {number_text(float(value))}"
     if provenance.options:
         yield "options:"
         yield from (
-            f"  {_quoted(name)}: {_plain(value)}" for name, value in provenance.options.items()
+            f"  {_quote(name)}: {_plain(value)}" for name, value in provenance.options.items()
         )
     if provenance.inputs:
         yield "inputs:"
         for one in provenance.inputs:
-            yield f"  - path: {_quoted(one.path)}"
-            yield f"    sha256: {_quoted(one.sha256)}"
+            yield f"  - path: {_quote(one.path)}"
+            yield f"    sha256: {_quote(one.sha256)}"
             yield f"    size_bytes: {one.size_bytes}"
 
 
 def _plain(value: bool | int | float | str) -> str:  # noqa: FBT001 (data, no switch)
     if isinstance(value, str):
-        return _quoted(value)
+        return _quote(value)
     return str(value).lower() if isinstance(value, bool) else number_text(value)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uavgram.config.strict_yaml import Document, KeyPath, Plain, format_key_path, read_yaml
 from uavgram.config.validation import Fault, format_value, validate
-from uavgram.errors import GeometryError, InputError, near_miss, no_file
+from uavgram.errors import GeometryError, InputError, describe_non_file, suggest_spelling
 from uavgram.geometry.geodesy import normalise_crs
 from uavgram.input_files import binary_kind
 from uavgram.model.naming import BOARD_PLATE, SHORT_FORMS
@@ -83,15 +83,19 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
                 data[key] = [data[key]]
         if isinstance(left_out := data.get("leave_out"), list):  # names of photos, or their paths
             data["leave_out"] = [Path(n).name if isinstance(n, str) else n for n in left_out]
-        data, wrong_units = _with_units(data)
+        data, wrong_units = _expand_units(data)
         keys = [k for k in _INPUT_FILES if not (unfinished and k in PICKED_FILES)]
-        missing = _missing_files(data, path.parent, keys) + _unknown_crs(data) + _no_board(data)
+        missing = (
+            _find_missing_files(data, path.parent, keys)
+            + _find_unsuitable_crs(data)
+            + _find_invalid_board(data)
+        )
         missing += wrong_units
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
-    return _with_absolute_paths(project, path.parent)
+    return _make_paths_absolute(project, path.parent)
 
 
-def error_of_key(path: str | Path, at: KeyPath, text: str) -> InputError:
+def make_key_error(path: str | Path, at: KeyPath, text: str) -> InputError:
     """Make the error of a value that the project's data contradict, with the line of its key.
 
     Parameters
@@ -142,7 +146,7 @@ def make_paths_relative(project: Project, folder: Path) -> Project:
     """
     folder = folder.absolute()
     root = glob.escape(str(folder))
-    return _with_paths(
+    return _replace_paths(
         project,
         of_pattern=lambda pattern: _from_folder(pattern, root),
         of_file=lambda name: _from_folder(name, str(folder)),
@@ -153,14 +157,18 @@ def _from_folder(path: str, folder: str) -> str:
     return Path(os.path.relpath(path, folder)).as_posix() if Path(path).is_absolute() else path
 
 
-def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) -> tuple[Fault, ...]:
+def _find_missing_files(
+    data: dict[str, Plain], folder: Path, keys: Sequence[str]
+) -> tuple[Fault, ...]:
     """Find the input files named by `keys` that do not exist."""
     faults = []
     for key in keys:
         for name in _names(data.get(key)):
             if _is_no_path(key, name) or (folder / name).is_file():
                 continue
-            faults.append(Fault((key,), _why_missing(folder / name, name) + _REMEDIES.get(key, "")))
+            faults.append(
+                Fault((key,), _explain_missing_file(folder / name, name) + _REMEDIES.get(key, ""))
+            )
     return tuple(faults)
 
 
@@ -170,7 +178,7 @@ def _names(value: Plain) -> list[str]:
     return [name for name in values if isinstance(name, str) and name]
 
 
-def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
+def _find_unsuitable_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
     """Find a coordinate system that is unsuitable for maps in metres."""
     crs = data.get("crs", "auto")
     if not isinstance(crs, str) or crs in ("", "auto"):
@@ -182,7 +190,7 @@ def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
     return ()
 
 
-def _with_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, ...]]:
+def _expand_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, ...]]:
     """Expand short forms of `units`; remove invalid units and return their faults."""
     units = data.get("units")
     length = units.get("length") if isinstance(units, dict) else units
@@ -206,7 +214,7 @@ def _with_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, 
     return data, ()
 
 
-def _no_board(data: dict[str, Plain]) -> tuple[Fault, ...]:
+def _find_invalid_board(data: dict[str, Plain]) -> tuple[Fault, ...]:
     """Find an invalid ChArUco board among the targets."""
     targets = data.get("targets")
     family = targets.get("family") if isinstance(targets, dict) else None
@@ -225,25 +233,25 @@ def _is_no_path(key: str, name: str | None) -> bool:
     return (key, name) in _NO_PATHS
 
 
-def _why_missing(path: Path, name: str) -> str:
-    if what := no_file(path):
+def _explain_missing_file(path: Path, name: str) -> str:
+    if what := describe_non_file(path):
         return f"{name!r} is {what}: name a file"
     if not path.parent.is_dir():
         return f"no such file {name!r}: there is no folder {path.parent}"
-    guess = near_miss(path.name, [p.name for p in path.parent.iterdir()])
+    guess = suggest_spelling(path.name, [p.name for p in path.parent.iterdir()])
     return f"no such file {name!r} in {path.parent}" + (f": {guess}" if guess else "")
 
 
-def _with_absolute_paths(project: Project, folder: Path) -> Project:
+def _make_paths_absolute(project: Project, folder: Path) -> Project:
     root = glob.escape(str(folder))
-    return _with_paths(
+    return _replace_paths(
         project,
         of_pattern=lambda pattern: pattern if Path(pattern).is_absolute() else f"{root}/{pattern}",
         of_file=lambda name: str(folder / name),
     )
 
 
-def _with_paths(
+def _replace_paths(
     project: Project, of_pattern: Callable[[str], str], of_file: Callable[[str], str]
 ) -> Project:
     """Return the project with other patterns of photos, and other names of files."""

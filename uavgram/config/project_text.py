@@ -230,7 +230,11 @@ def apply_settings(text: str, settings: Settings) -> str | None:
             _set_value(lines, key, value)
     changed = "\n".join(lines)
     changed = changed.replace("\n", "\r\n") if is_windows else changed
-    return changed if _parse_mapping(changed) == _merged(_parse_mapping(text), settings) else None
+    return (
+        changed
+        if _parse_mapping(changed) == _merge_settings(_parse_mapping(text), settings)
+        else None
+    )
 
 
 def _set_value(lines: list[str], key: str, value: Scalar | Sequence[str]) -> None:
@@ -308,7 +312,7 @@ def _parse_mapping(text: str) -> dict[str, object]:
     return said if isinstance(said, dict) else {}
 
 
-def _merged(said: dict[str, object], settings: Settings) -> dict[str, object]:
+def _merge_settings(said: dict[str, object], settings: Settings) -> dict[str, object]:
     """Return the expected content of a file after the settings are applied."""
     merged = dict(said)
     for key, value in settings.items():

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from uavgram.config.strict_yaml import Document, KeyPath, Plain, format_key_path
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.model.limits import number_hint
 from uavgram.model.options import OptionsError
 
@@ -63,7 +63,7 @@ def translate_errors(errors: Sequence[ErrorDetails], schema: type, data: Plain) 
         elif any(_is_meant(other) for other in rivals):
             new = _explain(one, schema, data) if _is_meant(one) else []
         else:
-            new = [_no_type_fits(one.union_at, rivals, data)]
+            new = [_explain_type_mismatch(one.union_at, rivals, data)]
         for fault in new:
             faults.setdefault(fault.at, fault)
     return list(faults.values())
@@ -93,13 +93,13 @@ def _is_meant(found: _Found) -> bool:
     return found.at != found.union_at or found.kind in {"value_error", "too_long"}
 
 
-def _no_type_fits(at: KeyPath, rivals: Iterable[_Found], data: Plain) -> Fault:
-    expected = " or ".join(dict.fromkeys(_expected(rival) for rival in rivals))
+def _explain_type_mismatch(at: KeyPath, rivals: Iterable[_Found], data: Plain) -> Fault:
+    expected = " or ".join(dict.fromkeys(_describe_expected_type(rival) for rival in rivals))
     value = find_value(data, at)
     return Fault(at, f"must be {expected} (got {format_value(value)}){_number_hint(value)}")
 
 
-def _expected(found: _Found) -> str:
+def _describe_expected_type(found: _Found) -> str:
     if found.kind == "literal_error":
         return str(found.details["ctx"]["expected"]).replace("'", "")
     return _EXPECTED.get(found.kind, found.details["msg"])
@@ -123,11 +123,11 @@ def _explain(found: _Found, schema: type, data: Plain) -> list[Fault]:
     """Explain one error in terms of the file."""
     at, details = found.at, found.details
     if found.kind == "value_error":
-        return _out_of_range(at, details["ctx"]["error"], data)
+        return _explain_range(at, details["ctx"]["error"], data)
     if found.kind in {"unexpected_keyword_argument", "extra_forbidden"}:
-        return [Fault(at, _unknown_key(at, schema))]
+        return [Fault(at, _explain_unknown_key(at, schema))]
     if found.kind in {"missing", "too_long"} and _is_tuple(find_type(schema, _list_of(found))):
-        return [_wrong_length(_list_of(found), schema, data)]
+        return [_explain_wrong_length(_list_of(found), schema, data)]
     if found.kind == "missing":
         return [Fault(at, f"is missing: add the line '{at[-1]}: ...'")]
     value = find_value(data, at)
@@ -136,15 +136,17 @@ def _explain(found: _Found, schema: type, data: Plain) -> list[Fault]:
     hint = ""
     if found.kind == "literal_error":
         known = str(details["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
-        hint = f": {guess}" if (guess := near_miss(str(value), known)) else ""
+        hint = f": {guess}" if (guess := suggest_spelling(str(value), known)) else ""
     elif found.kind == "string_type":
         hint = ": put it in quotes" if isinstance(value, int | float) else ""
     elif found.kind == "float_type":
         hint = _number_hint(value)
-    return [Fault(at, f"must be {_expected(found)} (got {format_value(value)}){hint}")]
+    return [
+        Fault(at, f"must be {_describe_expected_type(found)} (got {format_value(value)}){hint}")
+    ]
 
 
-def _out_of_range(at: KeyPath, error: ValueError, data: Plain) -> list[Fault]:
+def _explain_range(at: KeyPath, error: ValueError, data: Plain) -> list[Fault]:
     if not isinstance(error, OptionsError):
         return [Fault(at, str(error))]
     return [
@@ -153,11 +155,11 @@ def _out_of_range(at: KeyPath, error: ValueError, data: Plain) -> list[Fault]:
     ]
 
 
-def _unknown_key(at: KeyPath, schema: type) -> str:
+def _explain_unknown_key(at: KeyPath, schema: type) -> str:
     key = str(at[-1])
     known = _keys(find_type(schema, at[:-1]))
     text = f"unknown key {key!r}"
-    if guess := near_miss(key, known):
+    if guess := suggest_spelling(key, known):
         return f"{text}: {guess}"
     for section, kind in get_type_hints(schema).items():
         if key in _keys(kind):
@@ -175,7 +177,7 @@ def _is_tuple(kind: Any) -> bool:  # noqa: ANN401
     return any(get_origin(option) is tuple for option in _options(kind))
 
 
-def _wrong_length(at: KeyPath, schema: type, data: Plain) -> Fault:
+def _explain_wrong_length(at: KeyPath, schema: type, data: Plain) -> Fault:
     kind = next(k for k in _options(find_type(schema, at)) if get_origin(k) is tuple)
     value = find_value(data, at)
     return Fault(at, f"must be a list of {len(get_args(kind))} numbers (got {format_value(value)})")
@@ -199,15 +201,17 @@ def find_value(data: Plain, at: KeyPath) -> Plain:
 
 def format_value(value: Plain) -> str:
     """Write an invalid value, shortened for a message."""
-    text = repr(value) if isinstance(value, str) else _as_yaml(value)
+    text = repr(value) if isinstance(value, str) else _format_yaml(value)
     return text if len(text) <= LONGEST_VALUE_SHOWN else text[: LONGEST_VALUE_SHOWN - 3] + "..."
 
 
-def _as_yaml(value: Plain) -> str:
+def _format_yaml(value: Plain) -> str:
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_as_yaml(inner)}" for key, inner in value.items()) + "}"
+        return (
+            "{" + ", ".join(f"{key}: {_format_yaml(inner)}" for key, inner in value.items()) + "}"
+        )
     if isinstance(value, list):
-        return "[" + ", ".join(_as_yaml(inner) for inner in value) + "]"
+        return "[" + ", ".join(_format_yaml(inner) for inner in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     return "nothing" if value is None else str(value)
@@ -314,11 +318,13 @@ def _validate_all(
         # inconsistent, and it is unknown which of them to remove.
         if not all(fault.at for fault in new) or not new:
             return None, list(faults.values())
-        data, out = _without(data, [fault.at for fault in new])
+        data, out = _remove_keys(data, [fault.at for fault in new])
         taken |= out
 
 
-def _without(data: dict[str, Plain], paths: list[KeyPath]) -> tuple[dict[str, Plain], set[KeyPath]]:
+def _remove_keys(
+    data: dict[str, Plain], paths: list[KeyPath]
+) -> tuple[dict[str, Plain], set[KeyPath]]:
     """Copy `data` without the named keys, of the top two levels at most; return their paths too."""
     copy: dict[str, Plain] = json.loads(json.dumps(data))
     out: set[KeyPath] = set()

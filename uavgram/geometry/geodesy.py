@@ -58,7 +58,7 @@ def enu_from_geodetic(
         it. NaN where the input is not a place on earth.
     """
     latitude, longitude, height = np.broadcast_arrays(latitude_deg, longitude_deg, height_m)
-    east, north, up = _to_enu(origin).transform(longitude, latitude, height)
+    east, north, up = _make_enu_transformation(origin).transform(longitude, latitude, height)
     return _finite_or_nan(np.stack([east, north, up], axis=-1))
 
 
@@ -103,14 +103,14 @@ def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floa
         WGS 84, height in the origin's datum; NaN where the input is.
     """
     east, north, up = np.asarray(enu, np.float64).T
-    longitude, latitude, height = _to_enu(origin).transform(
+    longitude, latitude, height = _make_enu_transformation(origin).transform(
         east, north, up, direction=TransformDirection.INVERSE
     )
     return _finite_or_nan(latitude), _finite_or_nan(longitude), _finite_or_nan(height)
 
 
 @lru_cache(maxsize=16)
-def _to_enu(origin: Origin) -> Transformer:
+def _make_enu_transformation(origin: Origin) -> Transformer:
     """Create the transformation from geodetic (lon, lat in degrees, h) to topocentric coordinates.
 
     Closed formulas: it needs neither grids nor a network.
@@ -221,7 +221,7 @@ def _is_within(bounds: tuple[float, ...], latitude_deg: float, longitude_deg: fl
     return south <= latitude_deg <= north and (longitude_deg - west) % 360.0 <= width
 
 
-def within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
+def mark_within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
     """Mark the places that are in a coordinate system's area of use.
 
     Parameters
@@ -246,7 +246,7 @@ def exchange_axes(latitude_deg: Floats, longitude_deg: Floats, crs: str) -> tupl
     crs
         A projected coordinate system.
     """
-    easting, northing = _to_map(crs).transform(longitude_deg, latitude_deg)
+    easting, northing = _make_map_transformation(crs).transform(longitude_deg, latitude_deg)
     longitude, latitude = geographic_from_projected(np.stack([northing, easting], axis=-1), crs)
     return latitude, longitude
 
@@ -271,14 +271,14 @@ def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:
         0.9996 at the central meridian).
     """
     latitude, longitude, height = geodetic_from_enu(enu_m, origin)
-    easting, northing = _to_map(crs).transform(longitude, latitude)
+    easting, northing = _make_map_transformation(crs).transform(longitude, latitude)
     return np.stack([easting, northing, height], axis=-1).reshape(-1, 3)
 
 
 def geographic_from_projected(projected_m: Floats, crs: str) -> tuple[Floats, Floats]:
     """Compute longitudes and latitudes (N,) [deg] of places on the map (N, 2) [m]."""
     east, north = projected_m.T
-    longitude, latitude = _to_map(crs).transform(east, north, direction="INVERSE")
+    longitude, latitude = _make_map_transformation(crs).transform(east, north, direction="INVERSE")
     return longitude, latitude
 
 
@@ -292,6 +292,6 @@ def map_scale(origin: Origin, crs: str) -> float:
 
 
 @lru_cache(maxsize=16)
-def _to_map(crs: str) -> Transformer:
+def _make_map_transformation(crs: str) -> Transformer:
     """Create the transformation from longitude and latitude on WGS 84 to easting and northing."""
     return Transformer.from_crs("EPSG:4326", crs, always_xy=True)

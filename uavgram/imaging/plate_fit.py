@@ -127,13 +127,15 @@ def render_plate(cells: Bools, corner_px: Floats, blur_px: float, window: Window
         Pixels to draw.
     """
     matrix = fit_homography(corner_px)
-    fine = _drawn(cells, invert_homography(matrix), window.fine_pixels)
-    blurred = _blurred(fine, blur_px)
+    fine = _draw_plate(cells, invert_homography(matrix), window.fine_pixels)
+    blurred = _blur(fine, blur_px)
     slopes = [cv2.filter2D(blurred, -1, kernel) for kernel in (_SLOPE[None], _SLOPE[:, None])]
-    gradient = FINER * np.stack([_averaged(np.asarray(s, np.float64)) for s in slopes], axis=-1)
-    more = _averaged(_blurred(fine, blur_px + _BLUR_STEP_PX))
-    share = _averaged(blurred)
-    moved = _moved(matrix, corner_px, window.pixels)
+    gradient = FINER * np.stack(
+        [_average_steps(np.asarray(s, np.float64)) for s in slopes], axis=-1
+    )
+    more = _average_steps(_blur(fine, blur_px + _BLUR_STEP_PX))
+    share = _average_steps(blurred)
+    moved = _compute_pattern_shifts(matrix, corner_px, window.pixels)
     return Picture(
         share=share,
         by_corner=-np.einsum("vui,vuik->vuk", gradient, moved),
@@ -141,7 +143,7 @@ def render_plate(cells: Bools, corner_px: Floats, blur_px: float, window: Window
     )
 
 
-def _drawn(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
+def _draw_plate(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
     """Draw the share of white under a blur of `DRAWN_BLUR_PX`, at any places (h, w, 2) [px]."""
     n = len(cells)
     place = n * apply_homography(inverse, pixel)
@@ -161,21 +163,21 @@ def _drawn(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
     return np.asarray(((y @ framed) * x).sum(axis=-1))
 
 
-def _blurred(fine: Floats, blur_px: float) -> Floats:
+def _blur(fine: Floats, blur_px: float) -> Floats:
     # the mean of the steps in a pixel is narrower than the pixel by a variance of 1 / (12 FINER^2)
     variance = blur_px**2 - DRAWN_BLUR_PX**2 + 1.0 / (12.0 * FINER**2)
     more = FINER * max(variance, 1e-6) ** 0.5
     return np.asarray(cv2.GaussianBlur(fine, (0, 0), more, borderType=cv2.BORDER_REPLICATE))
 
 
-def _averaged(fine: Floats) -> Floats:
+def _average_steps(fine: Floats) -> Floats:
     """Average the steps of each pixel."""
     height, width = fine.shape
     steps = fine.reshape(height // FINER, FINER, width // FINER, FINER)
     return np.asarray(steps.mean(axis=(1, 3)), np.float64)
 
 
-def _moved(matrix: Floats, corner_px: Floats, pixel: Floats) -> Floats:
+def _compute_pattern_shifts(matrix: Floats, corner_px: Floats, pixel: Floats) -> Floats:
     """Compute shifts (h, w, 2, 8) of the pattern at each pixel by the corners' coordinates."""
     place = apply_homography(invert_homography(matrix), pixel)
     step = _CORNER_STEP * float(np.linalg.norm(corner_px[2] - corner_px[0]))
@@ -441,7 +443,7 @@ def fit_plate(
         scale = 1.4826 * np.median(np.abs(raw[used > 0])) + 0.3
         fresh = plate_weights(window, corner, len(cells), float(value[8]))
         weight = fresh / np.maximum(1.0, np.abs(raw) / (_OUTLIER * scale))
-    return _described(model, fit, used)
+    return _summarise_fit(model, fit, used)
 
 
 def fit_with_shadows(
@@ -479,7 +481,7 @@ def _raw(residual: Floats, weight: Floats) -> Floats:
     return np.divide(residual.reshape(weight.shape), root, out=np.zeros_like(root), where=root > 0)
 
 
-def _described(model: PlateModel, fit: Fit, weight: Floats) -> PlateFit:
+def _summarise_fit(model: PlateModel, fit: Fit, weight: Floats) -> PlateFit:
     value = fit.state[0]
     model.residuals(
         fit.state, np.zeros(1, np.int64)

@@ -29,7 +29,7 @@ from uavgram.imaging.plate_fit import (
     render_plate,
 )
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.boards import charuco_board, sight_charuco
+from uavgram.imaging.targets.boards import charuco_board, detect_charuco
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.board import Board
 from uavgram.model.naming import FAMILIES
@@ -168,7 +168,7 @@ def find_candidates(image: Image, family: str, *, doubled: bool = True) -> list[
     for scale in (1, 2) if doubled else (1,):
         if scale > 1 and image.size > _MOST_DOUBLED_PX:
             break
-        larger = image if scale == 1 else _doubled(image)
+        larger = image if scale == 1 else _double_size(image)
         quads, ids, _ = detector.detectMarkers(larger)
         # OpenCV's stubs declare an array; it returns None where there is no marker
         numbers = [] if not quads else np.asarray(ids, np.int64).ravel().tolist()
@@ -179,7 +179,7 @@ def find_candidates(image: Image, family: str, *, doubled: bool = True) -> list[
     return found
 
 
-def _doubled(image: Image) -> Image:
+def _double_size(image: Image) -> Image:
     return np.asarray(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
@@ -258,7 +258,7 @@ def shortest_side(corner_px: Floats) -> float:
     return float(np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).min())
 
 
-def sight_plates(image: Image, family: str) -> tuple[SeenPlate, ...]:
+def detect_plates(image: Image, family: str) -> tuple[SeenPlate, ...]:
     """Find and measure all plates of a family in a photo.
 
     Parameters
@@ -268,10 +268,10 @@ def sight_plates(image: Image, family: str) -> tuple[SeenPlate, ...]:
     family
         One of `FAMILIES`.
     """
-    return _sighted_all(image, family, find_candidates(image, family))
+    return _measure_candidates(image, family, find_candidates(image, family))
 
 
-def sight_large_plates(
+def detect_large_plates(
     reduced: Image, factor: int, whole: Callable[[], Image], family: str
 ) -> tuple[SeenPlate, ...]:
     """Find the plates that a reduced photo shows, and measure them in the photo itself.
@@ -291,12 +291,14 @@ def sight_large_plates(
         one._replace(corner_px=(one.corner_px + 0.5) * factor - 0.5)
         for one in find_candidates(reduced, family, doubled=False)
     ]
-    return _sighted_all(whole(), family, found) if found else ()
+    return _measure_candidates(whole(), family, found) if found else ()
 
 
-def _sighted_all(image: Image, family: str, found: Sequence[Candidate]) -> tuple[SeenPlate, ...]:
+def _measure_candidates(
+    image: Image, family: str, found: Sequence[Candidate]
+) -> tuple[SeenPlate, ...]:
     """Measure candidates; return those that are plates, sorted by their ids."""
-    seen = [_sighted(image, family, one) for one in found]
+    seen = [_measure_candidate(image, family, one) for one in found]
     plates = [one for one in seen if one is not None]
     certain = [one.plate for one in plates if one.left_out is not RejectedPlate.DOUBTFUL]
     count = np.bincount(certain, minlength=1 + max((one.plate for one in plates), default=0))
@@ -307,20 +309,20 @@ def _sighted_all(image: Image, family: str, found: Sequence[Candidate]) -> tuple
     return tuple(sorted(marked, key=lambda one: one.plate))
 
 
-def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | None:
+def _measure_candidate(image: Image, family: str, candidate: Candidate) -> SeenPlate | None:
     """Measure a candidate; None where it is not a plate."""
     corner = candidate.corner_px
     if shortest_side(corner) < LEAST_SIDE_PX - 1.0:
         return None
     cells = read_cells(family, candidate.plate)
-    window = window_about(corner, len(cells), image.shape)
+    window = find_plate_window(corner, len(cells), image.shape)
     rows, columns = window.slices
     grey = image[rows, columns]
     sides = np.linalg.norm(np.roll(corner, -1, axis=0) - corner, axis=1)
     # Large plates are measured in a reduced window.
     factor = max(1, math.ceil(float(sides.max()) / _LARGEST_SIDE_PX))
     if factor > 1:
-        grey, window = _reduced(grey, window, factor)
+        grey, window = _reduce_window(grey, window, factor)
         corner = (corner + 0.5) / factor - 0.5
     agreement = compute_agreement(grey, window, cells, corner)
     if agreement < _PROMISING:
@@ -332,7 +334,7 @@ def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | Non
         return None
     if not _is_plate(fitted):
         return _doubtful(candidate, fitted.agreement)
-    return _seen(candidate.plate, fitted, factor)
+    return _describe_plate(candidate.plate, fitted, factor)
 
 
 def _doubtful(candidate: Candidate, agreement: float) -> SeenPlate:
@@ -348,7 +350,7 @@ def _doubtful(candidate: Candidate, agreement: float) -> SeenPlate:
     )
 
 
-def _reduced(grey: Image, window: Window, factor: int) -> tuple[Image, Window]:
+def _reduce_window(grey: Image, window: Window, factor: int) -> tuple[Image, Window]:
     """Reduce a window by `factor` each way; an incomplete block at its end is dropped."""
     left, top = (-(-n // factor) for n in (window.left, window.top))
     inner = grey[top * factor - window.top :, left * factor - window.left :]
@@ -364,7 +366,7 @@ def _is_plate(fitted: PlateFit) -> bool:
     return strong and large and fitted.agreement >= _LEAST_AGREEMENT
 
 
-def _seen(plate: int, fitted: PlateFit, factor: int) -> SeenPlate:
+def _describe_plate(plate: int, fitted: PlateFit, factor: int) -> SeenPlate:
     """Describe a fitted plate in the photo, where `factor` pixels were reduced to one."""
     variance = np.diagonal(fitted.covariance_px2).reshape(4, 2).mean(axis=1)
     sigma = factor * np.hypot(_WIDER * np.sqrt(variance), _LEAST_SIGMA_PX)
@@ -387,7 +389,7 @@ def _seen(plate: int, fitted: PlateFit, factor: int) -> SeenPlate:
     )
 
 
-def window_about(corner_px: Floats, cells: int, shape: tuple[int, ...]) -> Window:
+def find_plate_window(corner_px: Floats, cells: int, shape: tuple[int, ...]) -> Window:
     """Return the window of a plate and of the white around it, within the photo.
 
     Parameters
@@ -415,7 +417,7 @@ _BOARD_MARGIN = 1.25
 _MIN_BOARD_SIGMA_PX = 0.018
 
 
-def sight_board_plate(image: Image, board: Board) -> tuple[SeenPlate, ...]:
+def detect_board_plate(image: Image, board: Board) -> tuple[SeenPlate, ...]:
     """Find a ChArUco board, or a part of it.
 
     Parameters
@@ -425,7 +427,7 @@ def sight_board_plate(image: Image, board: Board) -> tuple[SeenPlate, ...]:
     board
         Board to find.
     """
-    seen = sight_charuco(image, board)
+    seen = detect_charuco(image, board)
     last, rows = board.columns - 1, board.rows - 1
     # The outermost inner corners, in the order of a plate's corners.
     outer = [0, last, rows * board.columns + last, rows * board.columns]

@@ -75,7 +75,9 @@ class Painter:
         """Fill closed outlines (K, 2)."""
         mask = self.blank() if mask is None else mask
         for outline in outlines_m:
-            cv2.fillPoly(mask, [self._fixed(outline)], [value], cv2.LINE_AA, _SHIFT)
+            cv2.fillPoly(
+                mask, [self._convert_to_fixed_point(outline)], [value], cv2.LINE_AA, _SHIFT
+            )
         return mask
 
     def stripes(
@@ -113,11 +115,11 @@ class Painter:
             0 to 255.
         """
         radius = round(radius_m / self._resolution_m * 2**_SHIFT)
-        for center in self._fixed(centers_m).tolist():
+        for center in self._convert_to_fixed_point(centers_m).tolist():
             cv2.circle(mask, center, radius, [value], -1, cv2.LINE_AA, _SHIFT)
         return mask
 
-    def _fixed(self, points_m: Floats) -> NDArray[np.int32]:
+    def _convert_to_fixed_point(self, points_m: Floats) -> NDArray[np.int32]:
         pixel = np.atleast_2d(points_m) @ self._affine[:, :2].T + self._affine[:, 2]
         fixed: NDArray[np.int32] = np.round(pixel * 2**_SHIFT).astype(np.int32)
         return fixed

@@ -3,9 +3,10 @@
 The sigma propagates the noise of the grey values through the estimate. It measures the picture's
 precision, not whether the place is on the intended object.
 
-Targets first: chequers, crosses and discs. Where there is none, and a corner may be intended, the
-most distinct corner. The most likely object wins, by its distinctness and by the region; where
-several are about as likely and the pointer is on none of them, no object is chosen.
+Targets (chequers, crosses and discs) are searched for first. If there is none, and a corner may be
+intended, corners are. The likelihood of an object follows from its distinctness and its place in
+the region, and the most likely object is chosen. If several are about as likely and the pointer is
+on none of them, none is chosen.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
         return "no corner within reach: click closer to it"
     sigma = float(np.sqrt(np.linalg.eigvalsh(covariance[0])[-1]))
     otherwise = "no corner here: edges run in one direction only"
-    return _judged(corner[0] + first, sigma, "corner", otherwise)
+    return _accept_place(corner[0] + first, sigma, "corner", otherwise)
 
 
 def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
@@ -120,7 +121,7 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     arm = place[inside] - center
     covariance = arm.T @ arm * (noise / ((top - ground) * total)) ** 2
     sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    return _judged(center + first, sigma, "target", "the target is too faint")
+    return _accept_place(center + first, sigma, "target", "the target is too faint")
 
 
 def _cut_around(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Floats] | None:
@@ -169,7 +170,7 @@ def _blob(grey: Image, at: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Image 
     return np.asarray(cv2.drawContours(blob, [outline], -1, [1], cv2.FILLED), dtype=np.uint8)
 
 
-def _judged(
+def _accept_place(
     place: Floats, sigma: float, what: Literal["corner", "target"], otherwise: str
 ) -> Snapped | str:
     if not (np.isfinite(place).all() and sigma <= MOST_SIGMA_PX):
@@ -286,7 +287,7 @@ def snap_within(photo: Pixels, region: Region, *, corners: bool) -> Snapped | Un
     if targets:
         place = np.array([one.pixel_px for one in targets]) + first
         strength = np.array([one.strength for one in targets])
-        chosen = _chosen(place, strength**SHARPNESS, region)
+        chosen = _choose_object(place, strength**SHARPNESS, region)
         if isinstance(chosen, UnclearRegion):
             return chosen
         u, v = place[chosen].tolist()
@@ -314,7 +315,7 @@ def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snappe
     if not len(found.strength):
         return _nothing("there is no distinct corner there: point at it")
     alike = found.place_px[found.strength >= SIMILAR_STRENGTH * found.strength.max()] + first
-    chosen = _chosen(alike, np.ones(len(alike)), region)
+    chosen = _choose_object(alike, np.ones(len(alike)), region)
     if isinstance(chosen, UnclearRegion):
         return chosen
     exactly = snap_corner(photo, *alike[chosen].tolist())
@@ -324,7 +325,7 @@ def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snappe
     return exactly if off <= SAME_PX else _nothing("no clear corner there: point at it")
 
 
-def _chosen(place_px: Floats, weight: Floats, region: Region) -> int | UnclearRegion:
+def _choose_object(place_px: Floats, weight: Floats, region: Region) -> int | UnclearRegion:
     """Choose among several objects by likelihood, else by the pointer.
 
     Parameters

@@ -31,7 +31,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 WORKING_PX = 1600
 """Longer side of the pictures in which features are detected."""
 
-KEPT = 2500
+MAX_FEATURES = 2500
 """Number of features kept in a photo, spread over it."""
 
 CELL_PX = 80
@@ -128,14 +128,14 @@ def find_features(grey: Image, original_px: float = 1.0) -> Features:
 
 
 def _spread(place: Floats, response: Floats) -> Ints:
-    """Choose the rows of the strongest features of each cell, at most `KEPT` in all."""
+    """Choose the rows of the strongest features of each cell, at most `MAX_FEATURES` in all."""
     cell = np.floor(place / CELL_PX).astype(np.int64)
     key = cell[:, 0] * 100_000 + cell[:, 1]
     order = np.lexsort((-response, key))
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
     rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
     # rank by rank: the strongest of every cell, then the second of every cell
-    taken = order[np.lexsort((-response[order], rank))[:KEPT]]
+    taken = order[np.lexsort((-response[order], rank))[:MAX_FEATURES]]
     return np.sort(taken)
 
 

@@ -56,7 +56,7 @@ def read_areas(path: Path) -> AreaFile:
         The file cannot be read, is neither GeoJSON nor KML, or holds no polygon in longitude and
         latitude.
     """
-    text = _decoded(path, read_bytes(path, f"name {FORMATS} with a polygon"))
+    text = _decode_text(path, read_bytes(path, f"name {FORMATS} with a polygon"))
     if text.startswith("PK"):
         raise InputError(path, "is zipped, as KMZ files are: save it as KML, or unpack it")
     found = _kml(path, text) if text.lstrip().startswith("<") else _geojson(path, text)
@@ -72,7 +72,7 @@ def read_areas(path: Path) -> AreaFile:
     return found
 
 
-def _decoded(path: Path, data: bytes) -> str:
+def _decode_text(path: Path, data: bytes) -> str:
     """Decode a text as UTF-16 with a mark, with the encoding declared in XML, or as UTF-8."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")

@@ -31,7 +31,7 @@ from typing import Any, TypeVar
 import cv2
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.input_files import read_text
 from uavgram.io.json_codec import parse_json
 from uavgram.model.arrays import Floats
@@ -40,8 +40,8 @@ from uavgram.model.camera import (
     Calibration,
     DroneCamera,
     LensModel,
-    assumed_covariance,
     correlation_of,
+    make_assumed_covariance,
     parameter_counts,
     parameter_names,
 )
@@ -82,7 +82,7 @@ def choose_camera(
             f"uavgram camera {path.name} --camera {first!r} --to uavgram --output camera.yaml",
         )
     if wanted not in cameras:
-        hint = near_miss(wanted, cameras)
+        hint = suggest_spelling(wanted, cameras)
         raise InputError(
             path, f"holds no camera {wanted!r}, but {names}" + (f" ({hint})" if hint else "")
         )
@@ -127,7 +127,9 @@ def assume_errors(
         width_px=size_px[0],
         height_px=size_px[1],
         parameters=np.array(parameters),
-        covariance=assumed_covariance(model, np.array(parameters), size_px[0], CALIBRATION_FILE),
+        covariance=make_assumed_covariance(
+            model, np.array(parameters), size_px[0], CALIBRATION_FILE
+        ),
     )
     return calibration, (create_assumed_errors_message(path),)
 
@@ -404,7 +406,7 @@ def _lens_model(keys: Mapping[str, Any]) -> LensModel:
     return "fisheye" if is_flagged or named in _FISHEYE_NAMES else "brown"
 
 
-def _stated_sigma(path: Path, keys: Mapping[str, Any], count: int) -> Floats | None:
+def _read_sigmas(path: Path, keys: Mapping[str, Any], count: int) -> Floats | None:
     """Read (P,) standard deviations in the order of the parameters; None where there are none."""
     sigma = _numbers(path, keys, _SIGMAS)
     if sigma is None:  # interactive-calibration writes them in two parts
@@ -426,13 +428,13 @@ def _errors(
     """Determine the (P, P) covariance, and the message about its origin."""
     count = len(parameters)
     full = _numbers(path, keys, _COVARIANCE)
-    sigma = _stated_sigma(path, keys, count)
+    sigma = _read_sigmas(path, keys, count)
     if full is not None:
         covariance, what = _full_covariance(path, full, count), "covariance"
     elif sigma is not None:
         covariance, what = _covariance(sigma, parameters, keys), "standard deviations"
     else:
-        covariance = assumed_covariance(model, parameters, width_px, CALIBRATION_FILE)
+        covariance = make_assumed_covariance(model, parameters, width_px, CALIBRATION_FILE)
         return covariance, create_assumed_errors_message(path)
     text = f"The errors of the calibration are the {what} in {path.name}."
     return covariance, Message("info", "camera-sigma-from-file", text)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import OutputError, UavgramError
-from uavgram.io.outputs import as_output_errors, replace_bytes
+from uavgram.io.outputs import convert_output_errors, replace_bytes
 
 NAME = "uavgram"
 _NO_PYTHON_LETTERS = set('"\r\n')
@@ -52,17 +52,17 @@ def desktop_folder(computer: Computer) -> Path:
     candidates = [home / "Desktop"]
     if computer.platform == "win32":
         moved = environ.get("OneDrive")
-        candidates = [*_of_registry(), *([Path(moved) / "Desktop"] if moved else []), *candidates]
+        candidates = [*_read_registry(), *([Path(moved) / "Desktop"] if moved else []), *candidates]
     elif computer.platform != "darwin":
-        candidates = [*_of_user_dirs(home, environ), *candidates]
+        candidates = [*_read_user_dirs(home, environ), *candidates]
     candidates = [folder for folder in candidates if folder != home]
     desk = next((folder for folder in candidates if folder.is_dir()), candidates[0])
-    with as_output_errors(desk, "--folder"):
+    with convert_output_errors(desk, "--folder"):
         desk.mkdir(parents=True, exist_ok=True)
     return desk
 
 
-def _of_registry() -> list[Path]:
+def _read_registry() -> list[Path]:
     """Return the desktop in the Windows registry, which also records a moved one."""
     try:
         import winreg  # noqa: PLC0415 - exists on Windows only
@@ -77,7 +77,7 @@ def _of_registry() -> list[Path]:
     return [Path(os.path.expandvars(str(value)))]
 
 
-def _of_user_dirs(home: Path, environ: Mapping[str, str]) -> list[Path]:
+def _read_user_dirs(home: Path, environ: Mapping[str, str]) -> list[Path]:
     """Return the desktop in freedesktop.org's user-dirs.dirs, such as ``$HOME/Schreibtisch``."""
     file = Path(environ.get("XDG_CONFIG_HOME") or home / ".config") / "user-dirs.dirs"
     try:
@@ -109,15 +109,15 @@ def write_shortcut(computer: Computer, folder: Path) -> tuple[Path, ...]:
     if computer.platform == "win32":
         return (_windows_icon(computer, folder),)
     if computer.platform == "darwin":
-        return (_written(folder / f"{NAME}.command", _macos(python), runs=True),)
+        return (_write_file(folder / f"{NAME}.command", _macos(python), runs=True),)
     entry = _freedesktop(python, computer.icon)
     share = Path(computer.environ.get("XDG_DATA_HOME") or computer.home / ".local" / "share")
     menu = share / "applications"
-    with as_output_errors(menu):
+    with convert_output_errors(menu):
         menu.mkdir(parents=True, exist_ok=True)
     return (
-        _written(folder / f"{NAME}.desktop", entry, runs=True),
-        _written(menu / f"{NAME}.desktop", entry),
+        _write_file(folder / f"{NAME}.desktop", entry, runs=True),
+        _write_file(menu / f"{NAME}.desktop", entry),
     )
 
 
@@ -139,12 +139,12 @@ def _windows_icon(computer: Computer, folder: Path) -> Path:
     link, text = folder / f"{NAME}.lnk", _windows(computer.python)
     _refuse_foreign(link)
     own = Path(computer.environ.get("LOCALAPPDATA") or computer.home / "AppData" / "Local") / NAME
-    with as_output_errors(own):
+    with convert_output_errors(own):
         own.mkdir(parents=True, exist_ok=True)
-    if _is_linked(computer, link, _written(own / f"{NAME}.cmd", text)):
+    if _is_linked(computer, link, _write_file(own / f"{NAME}.cmd", text)):
         return link
     link.unlink(missing_ok=True)  # it may lead elsewhere
-    return _written(folder / f"{NAME}.cmd", text)
+    return _write_file(folder / f"{NAME}.cmd", text)
 
 
 def _is_linked(computer: Computer, link: Path, target: Path) -> bool:
@@ -222,7 +222,7 @@ def _refuse_foreign(path: Path) -> None:
         raise OutputError(f"{path}: is there already, and no shortcut of uavgram: move it away")
 
 
-def _written(path: Path, text: str, *, runs: bool = False) -> Path:
+def _write_file(path: Path, text: str, *, runs: bool = False) -> Path:
     """Write a file; a link, or a file of another program, is left unchanged."""
     _refuse_foreign(path)
     replace_bytes(path, text.encode(), "--folder")

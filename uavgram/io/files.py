@@ -11,7 +11,7 @@ import stat
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from uavgram.errors import InputError, OutputError, no_file
+from uavgram.errors import InputError, OutputError, describe_non_file
 from uavgram.model.limits import escape_unshowable, find_unshowable
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.tables import FrameResults
@@ -183,7 +183,7 @@ def find_matching_files(pattern: str, way_out: str) -> list[Path]:
     names = sorted(itertools.islice(found, MAX_ENTRIES + 1))
     if len(names) > MAX_ENTRIES:
         raise InputError(pattern, f"names more than {MAX_ENTRIES:,} files: {_NARROWER}")
-    kinds = {name: no_file(name) for name in names}
+    kinds = {name: describe_non_file(name) for name in names}
     odd = [name for name, kind in kinds.items() if kind and not Path(name).is_dir()]
     files = [Path(name) for name in names if name in odd or not kinds[name]]
     if names and len(files) == len(odd):

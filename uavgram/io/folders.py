@@ -17,7 +17,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Literal
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError, describe_non_file
 from uavgram.input_files import UnusableFile, read_text, unread_format
 from uavgram.io.cameras import is_colmap_cameras, is_odm_cameras, is_opencv_calibration
 from uavgram.io.files import PHOTO_SUFFIXES, limit_entries
@@ -67,7 +67,7 @@ def find_photo_folders(folder: Path, least: int) -> tuple[PhotoFolder, ...]:
     for count, path in enumerate((*inside, *beside)):
         if count >= MAX_SEARCHED_FOLDERS:
             break
-        one = _with_photos(path, least)
+        one = _find_photo_folder(path, least)
         if one is not None:
             found.append(one)
     return tuple(found)
@@ -90,7 +90,7 @@ def _subfolders(folder: Path) -> list[Path]:
     return [path for path in paths if not any((path / name).exists() for name in _RESULTS)]
 
 
-def _with_photos(folder: Path, least: int) -> PhotoFolder | None:
+def _find_photo_folder(folder: Path, least: int) -> PhotoFolder | None:
     try:
         names = sorted(os.listdir(folder))  # noqa: PTH208  (names alone: files are not opened)
         files = tuple(
@@ -176,7 +176,7 @@ def search_folder(folder: Path) -> FolderContents:
         It cannot be read, or is not a folder.
     """
     found = tuple(limit_entries(_files(folder), folder))
-    files = tuple(path for path in found if not no_file(path))
+    files = tuple(path for path in found if not describe_non_file(path))
     roles = {path: role for path in files if (role := _role(path)) is not None}
     marks = tuple(p for p in files if p.suffix.lower() == ".mrk" or p.name.lower() == "geo.txt")
     texts = (path for path in files if path.suffix.lower() == ".txt")
@@ -353,7 +353,7 @@ class Browsable:
         found = (root.resolve() for root in roots if root.is_dir())
         self.roots = tuple(dict.fromkeys(found))
 
-    def checked(self, folder: Path) -> Path:
+    def check_folder(self, folder: Path) -> Path:
         """Return the folder itself, if it may be shown.
 
         Raises
@@ -385,7 +385,7 @@ class Browsable:
             It may not be shown, or cannot be read.
         """
         try:
-            inner = _list_folders(self.checked(folder))
+            inner = _list_folders(self.check_folder(folder))
         except OSError as fault:
             raise InputError(
                 folder,

@@ -38,7 +38,7 @@ from uavgram.io.photos.metadata import (
 from uavgram.io.photos.pose_tables import convert_to_geodetic, parse_crs, read_content_lines
 from uavgram.io.tables.csv_tables import number_hint, parse_number
 from uavgram.model.arrays import Floats
-from uavgram.model.limits import find_unshowable, value_fault
+from uavgram.model.limits import find_unshowable, find_value_fault
 from uavgram.model.message import Message
 from uavgram.model.observations import ImportedPicks, KnownPoints
 
@@ -106,7 +106,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
     rows = _rows(path, lines)
     messages: list[Message] = []
     if not all(row.label for row in rows):
-        rows = _named(rows)
+        rows = _name_picks(rows)
         text = f"{path.name}: picks without a label were named by their coordinates, gcp-1 and on"
         messages.append(Message("info", "gcp-without-labels", text))
     _check(path, rows)
@@ -238,7 +238,7 @@ def _size_of(paths: Iterable[Path]) -> tuple[int, int] | None:
     return None
 
 
-def _named(rows: list[_Row]) -> list[_Row]:
+def _name_picks(rows: list[_Row]) -> list[_Row]:
     """Name unlabelled picks by number: equal coordinates are the same point."""
     number: dict[tuple[float, float, float | None], int] = {}
     for row in rows:
@@ -272,7 +272,7 @@ def _sigmas(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> Floats:
 
 
 def _sigma_fault(value: float | None) -> str:
-    return "must be a number" if value is None else value_fault("sigma", value)
+    return "must be a number" if value is None else find_value_fault("sigma", value)
 
 
 def _has_no_height(row: _Row, sigmas: GcpSigmas) -> bool:
@@ -397,7 +397,7 @@ def read_labelme(path: str | Path) -> ImportedPicks:
     image = content["imagePath"].replace("\\", "/")
     photo = path.parent / image
     if photo.is_file():
-        corner = _turned_back(path, photo, content, corner)
+        corner = _restore_orientation(path, photo, content, corner)
     else:
         text = f"{path.name}: {image!r} is not beside it, so a turned photo would go unnoticed"
         messages.append(Message("warning", "photo-not-beside", text))
@@ -424,14 +424,14 @@ def _place(
 def _content(path: Path) -> dict[str, Any]:
     text = read_text(path, "is it a LabelMe file? Export it again")
     try:
-        return _checked(parse_json(path, text))
+        return _check_content(parse_json(path, text))
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
         raise InputError(
             path, f"is no LabelMe file ({type(fault).__name__}: {fault}): export it again"
         ) from fault
 
 
-def _checked(content: object) -> dict[str, Any]:
+def _check_content(content: object) -> dict[str, Any]:
     """Return the content as an object; raises the errors that `_content` explains."""
     if not isinstance(content, dict):
         raise TypeError("no object")
@@ -444,7 +444,9 @@ def _checked(content: object) -> dict[str, Any]:
     return content
 
 
-def _turned_back(path: Path, photo: Path, content: dict[str, Any], corner: Floats) -> Floats:
+def _restore_orientation(
+    path: Path, photo: Path, content: dict[str, Any], corner: Floats
+) -> Floats:
     """Convert positions in the photo as displayed by LabelMe to the stored photo."""
     width, height = read_image_size(photo)
     values = exif_numbers(read_exif_tags(photo).get("Image Orientation"))

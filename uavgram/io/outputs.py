@@ -1,10 +1,11 @@
 """Output folder in which results appear completely, or not at all; claims and locks of files.
 
-A file left by a killed process is not a lock. A lock on a project's tables names its process.
+Locks end with their process: a file left by a killed process is not a lock. A lock on a project's
+tables names its process.
 
-Claims are for several processes that may write into the same folder. A cluster's worker that was
-stopped or cut off is abandoned, and another one repeats its work; when it resumes, it must not
-overwrite the results of the other. Locks do not help, as it would hold them.
+Claims are for the workers of a cluster. If a worker is stopped or cut off, another one repeats its
+work. When the first one resumes, it must not overwrite the results of the other. A lock does not
+prevent this, as the first one would still hold it.
 """
 
 from __future__ import annotations
@@ -192,7 +193,7 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @contextmanager
-def staged_output(
+def stage_output(
     folder: str | Path,
     inputs: Iterable[str | Path] = (),
     photos: Iterable[str | Path] = (),
@@ -228,7 +229,7 @@ def staged_output(
     folder = Path(folder).absolute()
     photo_folders = {Path(path).resolve().parent for path in photos}
     _keep_apart(photo_folders, folder)
-    with as_output_errors(folder):
+    with convert_output_errors(folder):
         existed = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
         _remove_stale(folder)
@@ -271,7 +272,7 @@ def replace_bytes(path: Path, content: bytes, option: str = "--output") -> None:
     """
     path = path.absolute()
     unfinished = path.with_name(f".{path.name}.unfinished")
-    with as_output_errors(path.parent, option):
+    with convert_output_errors(path.parent, option):
         try:
             unfinished.unlink(missing_ok=True)
             with unfinished.open("xb") as stream:  # never through a link
@@ -310,7 +311,7 @@ def name_newer(path: Path) -> Path:
 
 
 @contextmanager
-def as_output_errors(folder: Path, option: str = "--output") -> Iterator[None]:
+def convert_output_errors(folder: Path, option: str = "--output") -> Iterator[None]:
     """Convert failures to write below `folder` to errors that name the option for another one."""
     _refuse_names(folder)
     try:
@@ -598,7 +599,7 @@ def claim_folder(folder: str | Path) -> Iterator[Callable[[], None]]:
             raise SupersededError(folder)
 
     try:
-        with as_output_errors(folder):
+        with convert_output_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
             (folder / CLAIM).unlink(missing_ok=True)  # never through a link
             (folder / CLAIM).write_text(token, encoding="ascii")

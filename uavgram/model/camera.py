@@ -71,7 +71,7 @@ _PUBLISHED_MS: dict[str, tuple[tuple[float, float], ...]] = {
 }
 
 
-def published_readout(make: str, model: str, width_px: int, height_px: int) -> Readout | None:
+def find_published_readout(make: str, model: str, width_px: int, height_px: int) -> Readout | None:
     """Return the published readout time of a camera; None where there is none.
 
     Parameters
@@ -89,7 +89,7 @@ def published_readout(make: str, model: str, width_px: int, height_px: int) -> R
     return Readout(value_s=value_ms / 1e3, sigma_s=TABLE_SIGMA_S)
 
 
-def named_camera(make: str, model: str) -> str:
+def join_make_and_model(make: str, model: str) -> str:
     """Join make and model; many models begin with the make: "Canon", "Canon EOS 6D"."""
     first, stated = make.casefold().split()[:1], model.casefold().split()[:1]
     return model if first and first == stated else " ".join(filter(None, (make, model)))
@@ -147,7 +147,7 @@ class CameraTags:
     @property
     def camera_name(self) -> str:
         """Make and model, as displayed."""
-        return named_camera(self.make, self.model)
+        return join_make_and_model(self.make, self.model)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -436,7 +436,7 @@ ordinary drone camera and the range of such cameras are derived from these value
 """
 
 
-def assumed_covariance(
+def make_assumed_covariance(
     model: LensModel, parameters: Floats, width_px: int, errors: AssumedErrors
 ) -> Floats:
     """Return the (P, P) covariance of a camera with assumed errors; fx and fy are correlated.

@@ -256,7 +256,7 @@ class GeoTags(FrozenArrays):
 _UNSTATED: Floats = np.empty(0)
 
 
-def unstated() -> Floats:
+def make_unstated_column() -> Floats:
     """Return the placeholder for a column of NaN that the source of the poses does not provide."""
     return _UNSTATED
 
@@ -297,15 +297,23 @@ class PhotoPoses(FrozenArrays):
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     height_m: Annotated[Floats, "n", NAN_IS_NONE]
-    height_home_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
+    height_home_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=make_unstated_column)
     datum: HeightDatum
     datum_guess: str = ""
-    time_utc_s: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
-    ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE] = field(default_factory=unstated)
-    vehicle_ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE] = field(default_factory=unstated)
-    sigma_horizontal_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
-    sigma_vertical_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
-    sigma_attitude_rad: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=unstated)
+    time_utc_s: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=make_unstated_column)
+    ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE] = field(default_factory=make_unstated_column)
+    vehicle_ypr_rad: Annotated[Floats, "n", 3, NAN_IS_NONE] = field(
+        default_factory=make_unstated_column
+    )
+    sigma_horizontal_m: Annotated[Floats, "n", NAN_IS_NONE] = field(
+        default_factory=make_unstated_column
+    )
+    sigma_vertical_m: Annotated[Floats, "n", NAN_IS_NONE] = field(
+        default_factory=make_unstated_column
+    )
+    sigma_attitude_rad: Annotated[Floats, "n", NAN_IS_NONE] = field(
+        default_factory=make_unstated_column
+    )
     source: str
 
     def __post_init__(self) -> None:

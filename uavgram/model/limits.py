@@ -6,7 +6,7 @@ import re
 import unicodedata
 from collections.abc import Collection
 
-from uavgram.errors import near_miss
+from uavgram.errors import suggest_spelling
 from uavgram.model.naming import FOOT_M
 
 LARGEST_NUMBER = 1e10
@@ -38,7 +38,7 @@ def range_of(field: str) -> tuple[float, float]:
     return next((least, most) for pattern, least, most in RANGES if pattern.search(field))
 
 
-def value_fault(field: str, value: float) -> str:
+def find_value_fault(field: str, value: float) -> str:
     """Return why a field cannot have a number, by its name; empty where it can.
 
     It holds for project files, tables and the page alike.
@@ -51,21 +51,21 @@ def value_fault(field: str, value: float) -> str:
     return ""
 
 
-def number_fault(value: float) -> str:
+def find_number_fault(value: float) -> str:
     """Return why a number of any unit is out of range; empty where it is not."""
-    return value_fault("", value)
+    return find_value_fault("", value)
 
 
-def length_fault(value: float) -> str:
+def find_length_fault(value: float) -> str:
     """Return why a number cannot be a length in metres; empty where it can."""
-    return value_fault("length_m", value)
+    return find_value_fault("length_m", value)
 
 
-def choice_fault(word: str, known: Collection[str]) -> str:
+def find_choice_fault(word: str, known: Collection[str]) -> str:
     """Return why a word is none of those that a field may have; empty where it is."""
     if word in known:
         return ""
-    hint = f": {guess}" if (guess := near_miss(word, known)) else ""
+    hint = f": {guess}" if (guess := suggest_spelling(word, known)) else ""
     return f"must be {' or '.join(known)} (got {word!r}){hint}"
 
 
@@ -134,7 +134,7 @@ LONGEST_NAME = 200
 """Largest number of characters in a label, or in the name of a photo, length or measurement."""
 
 
-def name_fault(name: str) -> str:
+def find_name_fault(name: str) -> str:
     """Return why a name is too long; empty where it is not."""
     if len(name) > LONGEST_NAME:
         return f"may have {LONGEST_NAME} characters, and this one has {len(name)}: shorten it"

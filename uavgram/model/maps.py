@@ -83,7 +83,7 @@ class Layer:
             for name, number, spread, unit in rows
         )
 
-    def placed(self, place: Callable[[Floats], Floats]) -> tuple[Floats, ...]:
+    def transform(self, place: Callable[[Floats], Floats]) -> tuple[Floats, ...]:
         """Return the vertices of each shape in other coordinates, see `transform_vertices`."""
         shapes = transform_vertices(self.vertices_m, place)
         return tuple(map(close_ring, shapes)) if self.kind == "polygon" else shapes

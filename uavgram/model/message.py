@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from uavgram.model.naming import listed_photos, photo_name
+from uavgram.model.naming import join_photo_names, photo_name
 
 Action = Literal[
     "swap", "unpick", "move", "length", "ends", "read", "remove-length", "free", "on-ground", "tape"
@@ -106,7 +106,7 @@ def propose_pick_removal(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
     what = f"the pick of {pairs[0][1]}" if len(pairs) == 1 else f"these {len(pairs)} picks"
     return Remedy(
         action="unpick",
-        words=f"Remove {what} in {listed_photos(frames)}",
+        words=f"Remove {what} in {join_photo_names(frames)}",
         corrections=tuple(Correction(action="unpick", frame=f, label=one) for f, one in pairs),
     )
 

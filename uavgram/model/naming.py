@@ -126,7 +126,7 @@ def photo_name(frame: str) -> str:
     return frame.rpartition(".")[0] or frame
 
 
-def listed(names: Iterable[str], most: int | None = MOST_NAMED, *, link: str = "and") -> str:
+def join_names(names: Iterable[str], most: int | None = MOST_NAMED, *, link: str = "and") -> str:
     """Join names as ``A, B and C``, or the first few and the number of the rest; each name once.
 
     Parameters
@@ -144,12 +144,12 @@ def listed(names: Iterable[str], most: int | None = MOST_NAMED, *, link: str = "
     return f" {link} ".join(filter(None, (", ".join(every[:-1]), *every[-1:])))
 
 
-def listed_photos(frames: Iterable[str]) -> str:
-    """Join the names of photos, without extensions, like `listed`."""
-    return listed(photo_name(frame) for frame in frames)
+def join_photo_names(frames: Iterable[str]) -> str:
+    """Join the names of photos, without extensions, like `join_names`."""
+    return join_names(photo_name(frame) for frame in frames)
 
 
-def counted(number: int, what: str) -> str:
+def format_count(number: int, what: str) -> str:
     """Return a number and its noun: ``1 photo``, ``2 photos``.
 
     Parameters
@@ -162,7 +162,7 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def counted_photos(frames: Sequence[str]) -> str:
+def format_photo_count(frames: Sequence[str]) -> str:
     """Return the number of photos and the first; the name alone of a single one.
 
     ``3 photos (the first is a.jpg)``, ``a.jpg``.
@@ -170,7 +170,7 @@ def counted_photos(frames: Sequence[str]) -> str:
     return frames[0] if len(frames) == 1 else f"{len(frames)} photos (the first is {frames[0]})"
 
 
-def figures(value: float, digits: int = 2, sign: str = "") -> str:
+def format_digits(value: float, digits: int = 2, sign: str = "") -> str:
     """Format a number with a given number of significant digits, without a power of ten if large.
 
     ``0.012``, ``1.2``, ``960``, ``4500``; 963 and 4510 give the last two as well.

@@ -173,7 +173,7 @@ class KnownLines(FrozenArrays):
         """Return selected lines, by index."""
         return KnownLines(**select_rows(self, rows))
 
-    def with_more(self, others: KnownLines) -> KnownLines:
+    def append(self, others: KnownLines) -> KnownLines:
         """Append other lines."""
         mine, theirs = range(len(self.name)), range(len(others.name))
         return KnownLines(
@@ -522,7 +522,7 @@ class KnownThings(FrozenArrays):
     parameters: Annotated[tuple[tuple[tuple[str, float], ...], ...], "n"]
     position: tuple[LinePosition | None, ...] = ()
 
-    def seen_thing(self, index: int, place: Mapping[str, int]) -> KnownThing | None:
+    def get_seen_thing(self, index: int, place: Mapping[str, int]) -> KnownThing | None:
         """Return one of them if all its points are present (on a line of known position: any).
 
         Parameters
@@ -577,7 +577,7 @@ class KnownThing:
     parameters: tuple[tuple[str, float], ...] = ()
     position: LinePosition | None = None
 
-    def relabelled(self, new_label: Ints) -> KnownThing | None:
+    def relabel(self, new_label: Ints) -> KnownThing | None:
         """Return it with the labels' new rows (-1: gone); None where too few labels are left."""
         new = tuple(k for k in new_label[list(self.label)].tolist() if k >= 0)
         whole = len(new) == len(self.label) or (self.position is not None and bool(new))

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
-from uavgram.errors import near_miss
+from uavgram.errors import suggest_spelling
 from uavgram.model.flight_log import HeightDatum
-from uavgram.model.limits import value_fault
+from uavgram.model.limits import find_value_fault
 from uavgram.model.naming import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M, Units
 from uavgram.model.provenance import Case
 from uavgram.model.survey import DEFAULT_AREA
@@ -62,14 +62,16 @@ def _fault(field_name: str, value: object) -> str:
         return next(filter(None, (_fault(field_name, one) for one in value)), "")
     if not isinstance(value, int | float):
         return ""
-    return value_fault(field_name, value) if math.isfinite(value) else "must be a finite number"
+    return (
+        find_value_fault(field_name, value) if math.isfinite(value) else "must be a finite number"
+    )
 
 
 def _size(value: float | None) -> tuple[bool, str]:
     """Check a standard deviation that may be 0, for an error that does not exist."""
     if value is not None and value < 0:
         return False, "must not be negative"
-    fault = value_fault("sigma", value) if value else ""
+    fault = find_value_fault("sigma", value) if value else ""
     return not fault, fault
 
 
@@ -261,7 +263,7 @@ class TargetOptions(_Options):
     sigma_m: float = 0.001
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
-        hint = near_miss(self.family, (*FAMILIES, BOARD_PLATE))
+        hint = suggest_spelling(self.family, (*FAMILIES, BOARD_PLATE))
         known = (
             f"must be such as aruco-4x4-50, apriltag-36h11 or charuco:...{hint and f' ({hint})'}"
         )

@@ -76,12 +76,12 @@ class GroundConstraints(FrozenArrays):
     sigma_m: Annotated[Floats, "b", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
     uneven: Annotated[Floats, "b"] = field(default_factory=lambda: np.zeros(0))
 
-    def of_labels(self, new_label: Ints) -> GroundConstraints:
+    def reindex_labels(self, new_label: Ints) -> GroundConstraints:
         """Return the rows of labels with new indices (K,); without those of dropped labels (-1)."""
         kept = rows_of(self, np.flatnonzero(new_label[self.label] >= 0), "b")
         return replace(self, **kept | {"label": new_label[kept["label"]]})
 
-    def of_ties(self, new_point: Ints) -> GroundConstraints:
+    def reindex_ties(self, new_point: Ints) -> GroundConstraints:
         """Return it with the new indices of the tie points (T,), -1 for dropped ones.
 
         The other points replace them: their weights are rescaled and their sigma grows. A label
@@ -135,7 +135,7 @@ class Sightings(FrozenArrays):
         """Number T of tie points."""
         return len(self.pick)
 
-    def without(self, out: Bools) -> tuple[Sightings, Ints]:
+    def remove(self, out: Bools) -> tuple[Sightings, Ints]:
         """Return the sightings outside the mask `out` (N,), and the points (T',) that are left.
 
         A point that is then seen once or never is left out too.
@@ -147,7 +147,7 @@ class Sightings(FrozenArrays):
         some = rows_of(self, rows, "n") | rows_of(self, points, "t")
         new_point = np.full(self.points, -1)
         new_point[points] = np.arange(len(points))
-        beside = self.constraints.of_ties(new_point)
+        beside = self.constraints.reindex_ties(new_point)
         return replace(self, **some | {"point": point}, constraints=beside), points
 
 

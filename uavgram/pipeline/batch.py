@@ -21,7 +21,7 @@ from uavgram.errors import InputError, UavgramError
 from uavgram.input_files import read_text
 from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
 from uavgram.io.files import photo_files
-from uavgram.io.outputs import LAST_MOVED, SupersededError, claim_folder, staged_output
+from uavgram.io.outputs import LAST_MOVED, SupersededError, claim_folder, stage_output
 from uavgram.io.photos.catalogue import find_photos
 from uavgram.io.photos.metadata import read_camera_tags
 from uavgram.io.results.command_json import (
@@ -37,11 +37,11 @@ from uavgram.model.batch import Batch, FileState, Fit, ParameterUpdate, SurveyRe
 from uavgram.model.maps import Paper
 from uavgram.model.options import Project
 from uavgram.model.result.result import Result, compare_cameras
-from uavgram.pipeline.cluster import Cluster, on_cluster
-from uavgram.pipeline.measure.inputs import named_files
+from uavgram.pipeline.cluster import Cluster, run_on_cluster
+from uavgram.pipeline.measure.inputs import list_named_files
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.process_settings import cores
-from uavgram.pipeline.processes import Bounds, ItemOutcome, in_workers
+from uavgram.pipeline.processes import Bounds, ItemOutcome, run_in_workers
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
 from uavgram.views.batch import render_batch_page
@@ -75,7 +75,7 @@ def row_of(result: Result, project: str, output: str, seconds: float) -> SurveyR
         status="done",
         level=result.verdict.level,
         sentence=verdict_sentence(result),
-        taken_utc=_taken(result.frames.time_utc_s),
+        taken_utc=_format_mean_time(result.frames.time_utc_s),
         latitude_deg=place[0],
         longitude_deg=place[1],
         camera=result.camera.name,
@@ -88,11 +88,11 @@ def row_of(result: Result, project: str, output: str, seconds: float) -> SurveyR
         output=output,
         seconds=seconds,
         fits=tuple(_fits(result)),
-        seen=_seen(result),
+        seen=_list_camera_updates(result),
     )
 
 
-def _taken(times: Floats) -> str:
+def _format_mean_time(times: Floats) -> str:
     known = times[np.isfinite(times)]
     if not known.size:
         return ""
@@ -129,7 +129,7 @@ def _fits(result: Result) -> Iterator[Fit]:
             yield Fit(kind=group.name, squares=squares, freedom=group.redundancy)
 
 
-def _seen(result: Result) -> tuple[ParameterUpdate, ...]:
+def _list_camera_updates(result: Result) -> tuple[ParameterUpdate, ...]:
     found = compare_cameras(result.camera, result.shared.intrinsics)
     columns = (found.prior_value, found.prior_sigma, found.value, found.sigma)
     rows = zip(found.names, *(column.tolist() for column in columns), strict=True)
@@ -296,7 +296,7 @@ def _claim_folder(project: Project) -> AbstractContextManager[Callable[[], None]
 
 
 def _inputs(path: Path, project: Project) -> list[str]:
-    named = named_files(path, project, project.picks, project.lines, project.measure)
+    named = list_named_files(path, project, project.picks, project.lines, project.measure)
     photos = map(str, find_photos(project.images, project.leave_out))
     return [str(Path(one).absolute()) for one in (*named, *photos)]
 
@@ -379,14 +379,14 @@ def _meant(path: Path) -> Iterator[Path]:
         for match in matches:
             yield from _meant(Path(match))
     elif path.exists() and path.suffix.lower() not in _PROJECTS:
-        yield from _listed(path)
+        yield from _read_list(path)
     elif path.exists():
         yield path
     else:
         raise InputError(path, "there is no such file: correct the name")
 
 
-def _listed(path: Path) -> Iterator[Path]:
+def _read_list(path: Path) -> Iterator[Path]:
     """Yield the projects of a list file; report a wrong line with its number."""
     lines = read_text(path, "so it is no list of projects").splitlines()
     for number, line in enumerate(lines, start=1):
@@ -491,7 +491,7 @@ def run_batch(
 def _outcomes(
     tasks: Sequence[Task], means: Resources
 ) -> Iterator[tuple[SurveyRow, SurveyRecord | None]]:
-    for one in _ended(tasks, means):
+    for one in _run_tasks(tasks, means):
         outcome = one.value
         if outcome is None:
             outcome = failure_outcome(tasks[one.number], one.why)
@@ -500,14 +500,14 @@ def _outcomes(
         yield replace(outcome.row, tries=one.tries), outcome.record
 
 
-def _ended(tasks: Sequence[Task], means: Resources) -> Iterator[ItemOutcome[Outcome]]:
+def _run_tasks(tasks: Sequence[Task], means: Resources) -> Iterator[ItemOutcome[Outcome]]:
     seconds = 60.0 * means.most_minutes
     if means.cluster is not None:
-        return on_cluster(measure_survey, tasks, means.cluster, seconds, add_present_results)
+        return run_on_cluster(measure_survey, tasks, means.cluster, seconds, add_present_results)
     workers = means.workers or cores()
     memory = _memory_bytes(workers) if means.memory_mb is None else means.memory_mb * 2**20
     bounds = Bounds(memory_bytes=memory, seconds=seconds)
-    return in_workers(measure_survey, tasks, workers, bounds)
+    return run_in_workers(measure_survey, tasks, workers, bounds)
 
 
 def _memory_bytes(workers: int) -> int | None:
@@ -600,7 +600,7 @@ def write_batch(batch: Batch, folder: Path, inputs: Sequence[str]) -> None:
     OutputError
         The folder cannot be written.
     """
-    with staged_output(folder, inputs) as hidden:
+    with stage_output(folder, inputs) as hidden:
         write_batch_csv(batch, hidden / CSV)
         write_batch_parquet(batch, hidden / PARQUET)
         page = render_batch_page(batch, folder)

@@ -25,7 +25,7 @@ from uavgram.imaging.targets.corners import Sighting
 from uavgram.io.cameras import opencv_text, read_drone_cameras
 from uavgram.io.files import check_no_originals
 from uavgram.io.folders import PhotoFolder, find_photo_folders
-from uavgram.io.outputs import replace_text, staged_output
+from uavgram.io.outputs import replace_text, stage_output
 from uavgram.io.photos.catalogue import (
     LEAST_PHOTOS,
     CalibrationFiles,
@@ -45,7 +45,7 @@ from uavgram.model.board import (
 )
 from uavgram.model.camera import Calibration, CameraProvenance, CameraTags, OptionValue
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.pipeline.versions import package_versions, stamp
 from uavgram.stages.calibrate.assessment import (
     add_common_error,
@@ -87,7 +87,7 @@ class _Detections:
     previews: Mapping[str, Preview]
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def calibrate(
     images: Sequence[str],
     board: str,
@@ -129,7 +129,7 @@ def calibrate(
     check_no_originals(folder / FOUND, files.path)
     tags = read_camera_tags(files.path[0])
     assumed = _assume_camera(tags, is_needed=prior == "exif")
-    files = _with_focal_length(files, assumed)
+    files = _fill_focal_length(files, assumed)
     options = CalibrationOptions() if options is None else options
     if prior == "exif" and assumed is not None:
         source = "EXIF and the table of drone cameras"
@@ -137,7 +137,7 @@ def calibrate(
         options = replace(options, prior=known)
     seen = _detect_boards(files, target, progress)
     account = _account(seen, target, board, options, tags, name)
-    with staged_output(folder, photos=files.path) as staging:
+    with stage_output(folder, photos=files.path) as staging:
         written = _write(account, seen, staging, progress)
     return CalibrationOutput(account=account, folder=folder, files=written)
 
@@ -158,7 +158,7 @@ def _assume_camera(tags: CameraTags, *, is_needed: bool) -> Calibration | None:
         return None
 
 
-def _with_focal_length(files: CalibrationFiles, assumed: Calibration | None) -> CalibrationFiles:
+def _fill_focal_length(files: CalibrationFiles, assumed: Calibration | None) -> CalibrationFiles:
     if assumed is None:
         return files
     focal_px = float(assumed.parameters[0])
@@ -212,14 +212,14 @@ def _account(
         result=result,
         provenance=_provenance(result, files, board_text, tags),
         packages=package_versions(PACKAGES),
-        without_board=_without_board(seen),
+        without_board=_list_photos_without_board(seen),
         common_error_px=error_px,
         effects=describe_lens_effects(result),
         messages=order_messages(*messages, *common_error_message(error_px), *result.messages),
     )
 
 
-def _without_board(seen: _Detections) -> tuple[PhotoReason, ...]:
+def _list_photos_without_board(seen: _Detections) -> tuple[PhotoReason, ...]:
     reasons: list[PhotoReason] = []
     for name, sighting in zip(seen.names, seen.sightings, strict=True):
         if sighting.is_other_board:

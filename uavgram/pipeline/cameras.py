@@ -218,7 +218,7 @@ def format_camera(
     """
     if form == "colmap":
         return colmap_text(camera.calibration)
-    provenance = _converted(camera, options)
+    provenance = _make_converted_provenance(camera, options)
     if form == "opencv":
         return opencv_text(camera.calibration, provenance.created_utc)
     return camera_text(camera.calibration, provenance)
@@ -272,7 +272,9 @@ def focal_on_sensor_mm(camera: CameraRead) -> float | None:
     return float(calibration.parameters[0] / calibration.width_px * sensor_width_mm)
 
 
-def _converted(camera: CameraRead, options: Mapping[str, OptionValue]) -> CameraProvenance:
+def _make_converted_provenance(
+    camera: CameraRead, options: Mapping[str, OptionValue]
+) -> CameraProvenance:
     """Return the provenance of a converted camera, with that of its source."""
     made, inputs = stamp(), (digest_file(camera.path),)
     base = CameraProvenance(**made, source="converted", inputs=inputs, options=options)

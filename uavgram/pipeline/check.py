@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.config.project import PROJECT_FILE
-from uavgram.errors import near_miss
+from uavgram.errors import suggest_spelling
 from uavgram.estimation.survey.known_kinds import determine_scale
 from uavgram.model.message import Message, MessagePlural
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides, append_position_lines
 from uavgram.pipeline.measure.pose import PosedFrames, has_place, pose_frames, transform_known
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 
 _MAX_COMPARED = 1_000_000
@@ -30,7 +30,7 @@ class CheckedProject:
     messages: tuple[Message, ...]
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def check(project: str | os.PathLike[str]) -> CheckedProject:
     """Read and validate every input of a project.
 
@@ -56,7 +56,7 @@ def check(project: str | os.PathLike[str]) -> CheckedProject:
     return CheckedProject(inputs=inputs, posed=posed, messages=messages)
 
 
-def as_argument(project: Path) -> str:
+def format_argument(project: Path) -> str:
     """Return a project as it is typed in a terminal: its folder, or another file than usual."""
     path = str(project.parent if project.name == PROJECT_FILE else project)
     return f'"{path}"' if " " in path else path
@@ -68,7 +68,7 @@ def find_missing_inputs(inputs: Inputs) -> Iterator[Message]:
     if not inputs.picks.image:
         text = (
             "No point is picked yet, so there is nothing to compute: pick some with `uavgram pick "
-            f"{as_argument(Path(inputs.project_path))}`."
+            f"{format_argument(Path(inputs.project_path))}`."
         )
         yield Message("warning", "nothing-picked", text)
     if not inputs.requests:
@@ -115,12 +115,13 @@ def _find_unpicked(inputs: Inputs) -> list[Message]:
     few = len({label for _, label in missing}) * len(picked) <= _MAX_COMPARED
     known = sorted(picked) if few else []
     hints = {
-        label: near_miss(label, known) for label in dict.fromkeys(label for _, label in missing)
+        label: suggest_spelling(label, known)
+        for label in dict.fromkeys(label for _, label in missing)
     }
-    return [_never_picked(what, label, hints[label]) for what, label in missing]
+    return [_report_unpicked(what, label, hints[label]) for what, label in missing]
 
 
-def _never_picked(what: str, label: str, near: str) -> Message:
+def _report_unpicked(what: str, label: str, near: str) -> Message:
     hint = f" ({near})" if near else ""
     several = MessagePlural(
         "{count} points are never picked",

@@ -46,14 +46,14 @@ class Cluster:
     tls_key: str | None = None
 
 
-def on_cluster(
+def run_on_cluster(
     work: Callable[[Item], Made],
     items: Sequence[Item],
     cluster: Cluster,
     seconds: float | None = None,
     fresh: Callable[[Item], Item] = lambda item: item,
 ) -> Iterator[ItemOutcome[Made]]:
-    """Yield the result of each item as soon as it is ready, like `in_workers`; with shared paths.
+    """Yield each item's result as soon as it is ready, like `run_in_workers`; with shared paths.
 
     Parameters
     ----------
@@ -91,10 +91,10 @@ def on_cluster(
             "that it prints; with tls:// also --tls-ca-file, --tls-cert and --tls-key"
         ) from fault
     with client:
-        yield from _ended(client, work, list(map(fresh, items)), seconds)
+        yield from _collect_outcomes(client, work, list(map(fresh, items)), seconds)
 
 
-def _ended(
+def _collect_outcomes(
     client: Any,  # noqa: ANN401 (Dask ships no types)
     work: Callable[[Item], Made],
     items: Sequence[Item],

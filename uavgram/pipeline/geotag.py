@@ -10,7 +10,7 @@ from pathlib import Path
 from uavgram.errors import GeometryError
 from uavgram.io.exports.photogrammetry import write_geo_txt, write_pix4d_csv
 from uavgram.io.files import check_folder_of_project, check_no_originals
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import stage_output
 from uavgram.io.photos.tagging import write_tagged_photo
 from uavgram.model.frames import GeoTags, PoseChoice
 from uavgram.model.message import Message
@@ -19,7 +19,7 @@ from uavgram.pipeline.measure.exports import make_geotags
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.geotags import geotag as make_tags
 
@@ -37,7 +37,7 @@ class GeotagOutput:
     messages: tuple[Message, ...]
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def geotag(
     project: str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,
@@ -75,7 +75,7 @@ def geotag(
         check_no_originals(folder / TAGGED, inputs.photos.path)
     tags, messages = _tags(inputs, poses)
     files = ["geo.txt", "pix4d.csv"]
-    with staged_output(folder, inputs.files, inputs.photos.path) as staging:
+    with stage_output(folder, inputs.files, inputs.photos.path) as staging:
         write_geo_txt(tags, staging / files[0])
         write_pix4d_csv(tags, staging / files[1])
         if exif:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.input_files import refuse_unread
 from uavgram.io.imports import GcpSigmas, read_gcp_list, read_labelme
 from uavgram.io.outputs import replace_bytes
@@ -108,17 +108,20 @@ def _tables(
         raise InputError(file, "holds no coordinates: leave --control out")
     for label in control.check:
         if label not in known.label:
-            hint = near_miss(label, known.label) or f"it has {', '.join(known.label)}"
+            hint = suggest_spelling(label, known.label) or f"it has {', '.join(known.label)}"
             raise InputError(file, f"has no point {label!r}, which --check names: {hint}")
     is_check = np.array([label in control.check for label in known.label])
     if is_check.all():
         raise InputError(file, "--check names every point, so none is left to control: name fewer")
     if not is_check.any():
         return {control.path: known}
-    return {control.path: _chosen(known, ~is_check), control.check_path: _chosen(known, is_check)}
+    return {
+        control.path: _select_points(known, ~is_check),
+        control.check_path: _select_points(known, is_check),
+    }
 
 
-def _chosen(known: KnownPoints, rows: Bools) -> KnownPoints:
+def _select_points(known: KnownPoints, rows: Bools) -> KnownPoints:
     return replace(
         known,
         label=tuple(known.label[k] for k in np.flatnonzero(rows)),

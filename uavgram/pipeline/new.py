@@ -40,7 +40,7 @@ from uavgram.io.tables.updates import (
 )
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
 from uavgram.pipeline.cameras import assume_photo_camera, read_camera
 from uavgram.pipeline.check import find_missing_inputs
@@ -140,7 +140,7 @@ def choose_photos(
 
 def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
     """Describe the kinds of photos, and how to choose one."""
-    patterns = [own_pattern(folder, group, groups) for group in groups]
+    patterns = [find_own_pattern(folder, group, groups) for group in groups]
     rows = "\n".join(
         f"  {pattern}: {len(group.files)} of {group.size_px[0]} x {group.size_px[1]} px, such as "
         f"{group.files[0].name}"
@@ -156,7 +156,7 @@ def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
     )
 
 
-def own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
+def find_own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
     """Return a group's pattern, with the common beginning of its names if that separates it.
 
     Parameters
@@ -289,7 +289,7 @@ def choose_camera(
     """
     size = round(float(photos.width_px[0])), round(float(photos.height_px[0]))
     if chosen is not None and str(chosen) == CAMERA_UNKNOWN:
-        return _unknown_camera(photos, notes)
+        return _use_ordinary_camera(photos, notes)
     of_photos = chosen is not None and str(chosen) == CAMERA_OF_PHOTOS
     fitting: list[Path] = []
     for path in candidates if chosen is None else ():
@@ -318,12 +318,12 @@ def choose_camera(
     except InputError:
         if of_photos:
             raise
-        return _unknown_camera(photos, notes)
+        return _use_ordinary_camera(photos, notes)
     notes.found.append("camera: auto, as the photos name it (with large sigmas)")
     return CAMERA_OF_PHOTOS
 
 
-def _unknown_camera(photos: Photos, notes: Notes) -> str:
+def _use_ordinary_camera(photos: Photos, notes: Notes) -> str:
     """Use an ordinary camera where neither a file nor the photos state theirs.
 
     Raises
@@ -466,7 +466,7 @@ def _describe_project(folder: Path, choices: Choices, notes: Notes) -> tuple[Pro
         tuple(make_absolute(folder, image) for image in patterns), TimeOptions(), leave_out
     )
     width, height = groups[0].size_px
-    count, names = len(photos.frame_id), listed(patterns)
+    count, names = len(photos.frame_id), join_names(patterns)
     what = "photo" if count == 1 else "photos"
     notes.found.append(f"{count} {what} of {width} x {height} px: {names}")
     camera = choose_camera(folder, holdings.cameras, choices.camera, photos, notes)
@@ -543,15 +543,15 @@ def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None
             notes.messages.append(note)
         if last and attempt.log is None and attempt.poses is None and has_place(photos):
             notes.warn("poses-unusable", f"The photos state where they were taken, but: {last}.")
-        notes.messages += [*_of_inputs(inputs), *posed.messages, *find_missing_inputs(inputs)]
+        notes.messages += [*_select_messages(inputs), *posed.messages, *find_missing_inputs(inputs)]
         return
     replace_text(project, project_text(text))
     inputs = read_inputs(project, unpicked=True)
     notes.warn("not-posed", f"The photos cannot be placed yet: {why}")
-    notes.messages += [*_of_inputs(inputs), *find_missing_inputs(inputs)]
+    notes.messages += [*_select_messages(inputs), *find_missing_inputs(inputs)]
 
 
-def _of_inputs(inputs: Inputs) -> list[Message]:
+def _select_messages(inputs: Inputs) -> list[Message]:
     """Return the messages on inputs; all files passed over in the folder are listed already."""
     return [one for one in inputs.messages if one.code != PASSED_OVER]
 

@@ -58,11 +58,11 @@ def run_in_processes(
     if count < 2 or len(items) <= FEW_ITEMS:
         yield from map(work, items)
         return
-    from uavgram.pipeline.processes import in_workers  # noqa: PLC0415 - slow to load
+    from uavgram.pipeline.processes import run_in_workers  # noqa: PLC0415 - slow to load
 
     early: dict[int, Any] = {}
     due = 0
-    for one in in_workers(work, items, count):
+    for one in run_in_workers(work, items, count):
         if one.fault is not None:
             raise one.fault
         if one.why:

@@ -21,7 +21,7 @@ from uavgram.model.survey import NO_TIES, TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, check_ties, read_inputs, ties_path
 from uavgram.pipeline.measure.tie_points import find_project_ties, pose_before_ties
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 
 
@@ -72,7 +72,7 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
     """
     path = Path(inputs.project.picks).resolve()  # resolves links, so that a link is kept
     before = path.read_bytes() if path.exists() else None
-    if _changed(inputs, before):
+    if _is_changed(inputs, before):
         raise InputError(path, "was changed by another program meanwhile: run this once more")
     content = update_picks(before, inputs.picks, after, inputs.unused_picks)
     if content is None or content == before:
@@ -89,7 +89,7 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
     return path
 
 
-def _changed(inputs: Inputs, content: bytes | None) -> bool:
+def _is_changed(inputs: Inputs, content: bytes | None) -> bool:
     """Return whether a table differs from the one that was read."""
     if content is None:
         return bool(inputs.picks.image)
@@ -121,7 +121,7 @@ class TiesWritten:
     messages: tuple[Message, ...] = ()
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def write_ties(
     project: str | os.PathLike[str], *, dry_run: bool = False, progress: Progress = silent
 ) -> TiesWritten:

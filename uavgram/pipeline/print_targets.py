@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.config.board_text import parse_board
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.imaging.plates import (
     MARGIN_CELLS,
     board_outlines,
@@ -92,7 +92,7 @@ def print_targets(
 def _check_side(family: str, plates: Sequence[int], side_m: float | None, paper: str) -> float:
     """Return the side to print, after checks of all arguments."""
     if family not in FAMILIES:
-        hint = near_miss(family, FAMILIES) or "such as aruco-4x4-50 or apriltag-36h11"
+        hint = suggest_spelling(family, FAMILIES) or "such as aruco-4x4-50 or apriltag-36h11"
         raise InputError("--family", f"there is no family {family!r} ({hint})")
     count = count_plates(family)
     wrong = [plate for plate in plates if not 0 <= plate < count]

@@ -142,7 +142,7 @@ _STARTING = threading.Lock()
 """Lock while a process starts, so that it can be distinguished from those of other threads."""
 
 
-def in_workers(
+def run_in_workers(
     work: Callable[[Item], Made],
     items: Sequence[Item],
     count: int,

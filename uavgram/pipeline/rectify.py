@@ -21,7 +21,7 @@ from uavgram.io.exports.geotiff import (
     write_float_geotiff,
 )
 from uavgram.io.files import check_folder_of_project
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import stage_output
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 from uavgram.model.message import Message
@@ -29,7 +29,7 @@ from uavgram.pipeline.ground_picture import warp_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
 from uavgram.views.formatting import BRIGHTENED
@@ -63,7 +63,7 @@ class TopViewOutput:
     messages: tuple[Message, ...]
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def rectify(
     project: str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,
@@ -99,7 +99,7 @@ def rectify(
     if output is None:
         check_folder_of_project(folder, Path(project).absolute().parent)
     tags = _tags(view)
-    with staged_output(folder, inputs.files, inputs.photos.path) as staging:
+    with stage_output(folder, inputs.files, inputs.photos.path) as staging:
         count = -(-raster.width // WINDOW_PX) * -(-raster.height // WINDOW_PX)
         windows = progress(warp_windows(view, raster), "rectifying", count)
         write_colour_geotiff(raster, windows, tags, staging / PICTURE)
@@ -121,7 +121,7 @@ def rectify(
         covered=float((picture[..., 3] > 0).mean()),
         sigma_m=_quantiles(sigma),
         messages=order_messages(
-            *computed.result.messages, *_other_planes(view), *_brightened_messages(tone)
+            *computed.result.messages, *_other_planes(view), *_report_brightening(tone)
         ),
     )
 
@@ -167,7 +167,7 @@ def _render_for_display(picture: Pixels) -> tuple[Pixels, Tone]:
     return np.dstack([apply_tone(rgb, tone), picture[..., 3]]), tone
 
 
-def _brightened_messages(tone: Tone) -> tuple[Message, ...]:
+def _report_brightening(tone: Tone) -> tuple[Message, ...]:
     if tone.is_identity:
         return ()
     text = (

@@ -33,9 +33,9 @@ from uavgram.pipeline.import_picks import ControlFiles, import_picks
 from uavgram.pipeline.new import (
     PROJECT,
     Choices,
+    find_own_pattern,
     make_absolute,
     new_project,
-    own_pattern,
     report_unusable,
 )
 from uavgram.stages.messages import order_messages
@@ -217,7 +217,7 @@ def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundP
     except UavgramError:  # not stated, or reported when the project is made
         pass
     return FoundPhotos(
-        pattern=own_pattern(folder, group, holdings.photos),
+        pattern=find_own_pattern(folder, group, holdings.photos),
         count=len(group.files),
         width_px=group.size_px[0],
         height_px=group.size_px[1],

@@ -17,7 +17,7 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, UavgramError
-from uavgram.imaging.plates import sight_board_plate, sight_plates
+from uavgram.imaging.plates import detect_board_plate, detect_plates
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.uncoded import Kind, UncodedTarget, measure_uncoded_target
 from uavgram.io.photos.catalogue import read_grey
@@ -34,17 +34,17 @@ from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.picks_table import lock_tables, save_picks
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.match import Pair, Record
 from uavgram.stages.messages import order_messages
 from uavgram.stages.plates import (
     TargetRow,
     add_targets,
-    asked_centers,
+    append_targets,
     chosen,
+    list_requested_centers,
     remove_targets,
     target_row,
-    with_rows,
 )
 
 CLICK_PX = 2.5
@@ -102,15 +102,17 @@ def find_uncoded(inputs: Inputs, progress: Progress) -> UncodedTargets:
     except UavgramError as why:
         kind_names = {label: kind.value for label, kind in kinds.items()}
         return UncodedTargets(
-            picks=inputs.picks, kinds=kind_names, messages=(_not_placed(kind_names, why),)
+            picks=inputs.picks,
+            kinds=kind_names,
+            messages=(_report_unplaced_targets(kind_names, why),),
         )
     rows, missed = _measure(inputs, photos, kinds, record)
     found = {label: tuple(r.image for r in rows if r.label == label) for label in kinds}
     return UncodedTargets(
-        picks=with_rows(_remove_matches(inputs.picks, rows), rows),
+        picks=append_targets(_remove_matches(inputs.picks, rows), rows),
         kinds={label: kind.value for label, kind in kinds.items()},
         found=found,
-        messages=tuple(_missed(missed, kinds)),
+        messages=tuple(_report_missed_targets(missed, kinds)),
     )
 
 
@@ -262,7 +264,7 @@ def _remove_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
     return chosen(picks, ~(there & picks.of_source("match")))
 
 
-def _not_placed(kinds: Mapping[str, str], why: Exception) -> Message:
+def _report_unplaced_targets(kinds: Mapping[str, str], why: Exception) -> Message:
     some = ", ".join(f"{label} ({kind})" for label, kind in list(kinds.items())[:5])
     text = (
         f"Targets that you picked ({some}) were not searched for in the other photos, as the "
@@ -271,7 +273,9 @@ def _not_placed(kinds: Mapping[str, str], why: Exception) -> Message:
     return Message("warning", "target-not-sought", text)
 
 
-def _missed(missed: Mapping[Pair, str], kinds: Mapping[str, Kind]) -> Iterator[Message]:
+def _report_missed_targets(
+    missed: Mapping[Pair, str], kinds: Mapping[str, Kind]
+) -> Iterator[Message]:
     for label, kind in kinds.items():
         own = {image: why for (image, name), why in missed.items() if name == label}
         if own:
@@ -313,7 +317,7 @@ class FoundTargets:
     uncoded: UncodedTargets = NO_UNCODED
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def find_targets(
     project: str | os.PathLike[str], *, dry_run: bool = False, progress: Progress = silent
 ) -> FoundTargets:
@@ -337,16 +341,16 @@ def find_targets(
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
     with nullcontext() if dry_run else lock_tables(inputs.project, inputs.project_path):
-        seen = dict(_seen(inputs, progress))
+        seen = dict(_detect_all_plates(inputs, progress))
         numbers = {
             p.plate for plates in seen.values() for p in plates if p.left_out is RejectedPlate.NO
         }
         named, known = list_named_points(inputs)
-        centers = asked_centers(numbers, named, known, inputs.picks)
+        centers = list_requested_centers(numbers, named, known, inputs.picks)
         rows = add_targets(inputs.picks, seen, centers)
         uncoded = find_uncoded(replace(inputs, picks=rows.picks), progress)
         if inputs.project.targets is None and not uncoded.kinds:
-            raise _no_targets(inputs)
+            raise _make_no_targets_error(inputs)
         path = Path(inputs.project.picks) if dry_run else save_picks(inputs, uncoded.picks)
     return FoundTargets(
         path=path,
@@ -355,7 +359,7 @@ def find_targets(
         plates={number: tuple(_photos_of(number, seen)) for number in sorted(numbers)},
         photos=len(inputs.photos.path),
         messages=order_messages(
-            *rows.messages, *_nothing_found(rows.plates, inputs), *uncoded.messages
+            *rows.messages, *_report_no_plates(rows.plates, inputs), *uncoded.messages
         ),
         uncoded=uncoded,
     )
@@ -384,7 +388,7 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
     return FoundTargets(path=path, rows=0, removed=removed, plates={}, photos=0, messages=())
 
 
-def _no_targets(inputs: Inputs) -> InputError:
+def _make_no_targets_error(inputs: Inputs) -> InputError:
     return InputError(
         inputs.project_path,
         "names no targets: add the family of your plates and the side of the black "
@@ -396,11 +400,13 @@ def _no_targets(inputs: Inputs) -> InputError:
 def _sight(targets: TargetOptions) -> Sight:
     if targets.is_board:
         board = parse_board(targets.family)
-        return lambda image: sight_board_plate(image, board)
-    return lambda image: sight_plates(image, targets.family)
+        return lambda image: detect_board_plate(image, board)
+    return lambda image: detect_plates(image, targets.family)
 
 
-def _seen(inputs: Inputs, progress: Progress) -> Iterator[tuple[str, tuple[SeenPlate, ...]]]:
+def _detect_all_plates(
+    inputs: Inputs, progress: Progress
+) -> Iterator[tuple[str, tuple[SeenPlate, ...]]]:
     if inputs.project.targets is None:
         return
     sight = _sight(inputs.project.targets)
@@ -426,7 +432,7 @@ def _photos_of(number: int, seen: dict[str, tuple[SeenPlate, ...]]) -> Iterator[
                 yield image, plate.side_px
 
 
-def _nothing_found(plates: int, inputs: Inputs) -> Iterator[Message]:
+def _report_no_plates(plates: int, inputs: Inputs) -> Iterator[Message]:
     targets = inputs.project.targets
     if plates or targets is None:
         return

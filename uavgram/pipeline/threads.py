@@ -90,7 +90,7 @@ def _set(numbers: list[tuple[LibController, int]]) -> None:
     OpenBLASController.clear_controlling_thread(force=True)
 
 
-def with_one_blas_thread(call: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
+def limit_blas_threads(call: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
     """Decorate a function: it runs inside `one_blas_thread`."""
 
     @functools.wraps(call)

@@ -31,13 +31,13 @@ from uavgram.stages.tie import (
     Seen,
     Sighted,
     choose,
-    fitting,
-    overlap,
-    pairs_of,
+    choose_pairs,
+    compute_overlap,
+    compute_relative_noise,
+    estimate_sigmas,
+    join_tracks,
+    mark_fitting_matches,
     predict,
-    relative_noise,
-    sigmas,
-    tracks_of,
 )
 
 DECIMALS = 3
@@ -127,12 +127,12 @@ def _pairs(scene: Scene, features: Sequence[Features]) -> tuple[Ints, _Seeds | N
     seeds = _seeds(scene)
     if seeds is not None:
         photo = np.flatnonzero(seeds.row >= 0)
-        share = overlap(seeds.seen)[np.ix_(seeds.row[photo], seeds.row[photo])]
-        one, other = photo[pairs_of(share, LEAST_SHARE)].T
+        share = compute_overlap(seeds.seen)[np.ix_(seeds.row[photo], seeds.row[photo])]
+        one, other = photo[choose_pairs(share, LEAST_SHARE)].T
         chosen[one, other] = True
     unknown = range(count) if seeds is None else np.flatnonzero(seeds.row < 0).tolist()
     if len(unknown):
-        one, other = pairs_of(compute_photo_similarity(features, unknown), MIN_MATCHES / 2).T
+        one, other = choose_pairs(compute_photo_similarity(features, unknown), MIN_MATCHES / 2).T
         chosen[one, other] = True
     return np.argwhere(chosen), seeds
 
@@ -218,7 +218,7 @@ def _join(
     photo = np.repeat(np.arange(len(features)), counts)
     pixel = np.concatenate([found.pixel_px for found in features])
     scale = scale_of(scene.calibration)
-    relative = relative_noise(np.concatenate([found.size_px for found in features]), scale)
+    relative = compute_relative_noise(np.concatenate([found.size_px for found in features]), scale)
     matches = Matches(
         np.concatenate(
             [np.empty((0, 2), np.int64)]
@@ -228,9 +228,9 @@ def _join(
         np.concatenate([np.empty(0), *(found.across_px for found in matched)]),
     )
     # Remove outliers, estimate sigmas, and join matches to tracks.
-    matches = matches.take(np.flatnonzero(fitting(matches, relative, len(pairs))))
-    sigma = sigmas(matches, relative, len(pairs), scale)
-    tracks = tracks_of(matches, photo)
+    matches = matches.take(np.flatnonzero(mark_fitting_matches(matches, relative, len(pairs))))
+    sigma = estimate_sigmas(matches, relative, len(pairs), scale)
+    tracks = join_tracks(matches, photo)
     row = {name: k for k, name in enumerate(scene.frame_id)}
     picked = [k for k, name in enumerate(scene.picked_image) if name in row]
     # Keep a part of the points, evenly spread over the photos.

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from uavgram.errors import GeometryError, near_miss
+from uavgram.errors import GeometryError, suggest_spelling
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.observations.telemetry import compute_trend_inflation
 from uavgram.estimation.survey.observed import Observations, add_readout
@@ -127,7 +127,7 @@ def assemble(observed: Observations) -> Assembled:
         if lines.adjust[i] and lines.start[i] in label_at and lines.end[i] in label_at
     ]
     known = [i for i, name in enumerate(control.label) if name in label_at]
-    things = _usable_known(observed.known, label_at)
+    things = _select_usable_known(observed.known, label_at)
     is_placed = telemetry is not None or len(known) >= 2 or do_lines_fix_plan(things)
     gauge: Literal["world", "plane"] = "world" if is_placed else "plane"
     if gauge == "plane":
@@ -142,13 +142,13 @@ def assemble(observed: Observations) -> Assembled:
         frame_id=tuple(frame_at),
         time_s=time_s,
         time_sigma_s=time_sigma_s,
-        seeds=None if telemetry is None else _ordered(telemetry.poses, frame_at),
+        seeds=None if telemetry is None else _order_poses(telemetry.poses, frame_at),
         telemetry=None if telemetry is None else _prior(telemetry, frame_at),
         track=None if telemetry is None else telemetry.track,
         calibration=observed.calibration,
         label=tuple(label_at),
-        height_above_m=_of_labels(picks, picks.height_m, label_at),
-        height_sigma_m=_of_labels(picks, picks.height_sigma_m, label_at),
+        height_above_m=_collect_by_label(picks, picks.height_m, label_at),
+        height_sigma_m=_collect_by_label(picks, picks.height_sigma_m, label_at),
         is_free=np.isin(list(label_at), np.array(picks.label)[picks.is_free]),
         identification_sigma_m=np.full(len(label_at), observed.picks_identification_sigma_m),
         pick_frame=np.array([shown_at[picks.image[i]] for i in chosen]),
@@ -189,9 +189,9 @@ def assemble(observed: Observations) -> Assembled:
             *_gauge(survey),
             *stale,
             *_level_lines(survey),
-            *_unseen_control(control, survey),
-            *_unpicked_areas(observed.ground, survey),
-            *_unused_readout(survey),
+            *_report_unseen_control(control, survey),
+            *_report_unpicked_areas(observed.ground, survey),
+            *_report_unused_readout(survey),
         ),
     )
 
@@ -251,13 +251,13 @@ def _index(chosen: Ints | list[int], count: int) -> Ints:
     return index
 
 
-def _usable_known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
+def _select_usable_known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
     """Return known things of picked points, without withheld ones."""
-    things = (known.seen_thing(i, label_at) for i in np.flatnonzero(known.adjust).tolist())
+    things = (known.get_seen_thing(i, label_at) for i in np.flatnonzero(known.adjust).tolist())
     return tuple(thing for thing in things if thing is not None)
 
 
-def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
+def _collect_by_label(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
     """Return the value (K,) of each label, stated at any of its picks (P,); otherwise 0."""
     found = np.zeros(len(label_at))
     for i in np.flatnonzero(np.isfinite(value)).tolist():
@@ -316,10 +316,10 @@ def _level_lines(survey: Survey) -> Iterator[Message]:
         )
 
 
-def _unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterator[Message]:
+def _report_unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterator[Message]:
     for label in control.label:
         if label not in survey.label:
-            hint = f" ({near})" if (near := near_miss(label, survey.label)) else ""
+            hint = f" ({near})" if (near := suggest_spelling(label, survey.label)) else ""
             yield Message(
                 "warning",
                 "control-unseen",
@@ -334,12 +334,12 @@ def _unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterator[Messa
             )
 
 
-def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
+def _report_unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
     """Report areas of the options without a usable pick."""
     picked = tuple(one.name for one in survey.grounds)
     for name in ground.areas:
         if name not in picked:
-            hint = f" ({near})" if (near := near_miss(name, picked)) else ""
+            hint = f" ({near})" if (near := suggest_spelling(name, picked)) else ""
             yield Message(
                 "warning",
                 "area-unpicked",
@@ -354,7 +354,7 @@ def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
             )
 
 
-def _unused_readout(survey: Survey) -> Iterator[Message]:
+def _report_unused_readout(survey: Survey) -> Iterator[Message]:
     """Report a known readout time without knowledge of the motion."""
     readout, logged = survey.calibration.readout, isinstance(survey.track, Track)
     if readout is not None and readout.value_s and not (logged or survey.ties.points):
@@ -368,7 +368,7 @@ def _unused_readout(survey: Survey) -> Iterator[Message]:
         )
 
 
-def _ordered(poses: Poses, names: Iterable[str]) -> Poses:
+def _order_poses(poses: Poses, names: Iterable[str]) -> Poses:
     row = _rows(poses.frame_id)
     return poses.take(np.array([row[name] for name in names], dtype=np.int64))
 

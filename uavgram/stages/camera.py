@@ -29,10 +29,10 @@ from uavgram.model.camera import (
     Calibration,
     CameraTags,
     DroneCamera,
-    assumed_covariance,
+    make_assumed_covariance,
 )
 from uavgram.model.message import Message
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.result.result import MAX_SIGMA_RATIO, CameraUpdate
 
 REMEDY = (
@@ -92,13 +92,13 @@ def assume_camera(
     if source is None and not is_fisheye:
         source = _from_sensor(tags, _from_table(tags, table) or _from_equivalent(tags))
     if source is not None:
-        return _calibration(tags, source), (_assumed(tags, source),)
-    why = _why_unknown(tags, table)
+        return _calibration(tags, source), (_report_assumed_camera(tags, source),)
+    why = _explain_unknown_camera(tags, table)
     if is_fisheye or not may_be_unknown:
         or_not = "" if is_fisheye else f"; {WITHOUT}"
         raise InputError(tags.path, f"{why}: {REMEDY}{or_not}")
     source = _ordinary(tags)
-    return _calibration(tags, source), (_nothing_known(tags, source, why),)
+    return _calibration(tags, source), (_report_unknown_camera(tags, source, why),)
 
 
 def _calibration(tags: CameraTags, source: _Source) -> Calibration:
@@ -108,11 +108,13 @@ def _calibration(tags: CameraTags, source: _Source) -> Calibration:
         width_px=tags.width_px,
         height_px=tags.height_px,
         parameters=source.parameters,
-        covariance=assumed_covariance("brown", source.parameters, tags.width_px, source.errors),
+        covariance=make_assumed_covariance(
+            "brown", source.parameters, tags.width_px, source.errors
+        ),
     )
 
 
-def _assumed(tags: CameraTags, source: _Source) -> Message:
+def _report_assumed_camera(tags: CameraTags, source: _Source) -> Message:
     """Report the assumed camera, and the gain of a calibration."""
     focal_px, errors = source.parameters[0], source.errors
     text = (
@@ -126,7 +128,7 @@ def _assumed(tags: CameraTags, source: _Source) -> Message:
     return Message("warning", ASSUMED_CAMERA, text)
 
 
-def _nothing_known(tags: CameraTags, source: _Source, why: str) -> Message:
+def _report_unknown_camera(tags: CameraTags, source: _Source, why: str) -> Message:
     """Report the assumptions on an unknown camera, their consequences, and the action."""
     focal_px, errors = source.parameters[0], source.errors
     text = (
@@ -192,7 +194,7 @@ def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | N
     words = f"the table of drone cameras ({camera.comment}) with {focal_mm:g} mm"
     shape = camera.width_px / camera.height_px
     if abs(tags.width_px / tags.height_px / shape - 1) > _SAME_SHAPE:
-        errors = _of_a_strip(errors)
+        errors = _widen_for_cropping(errors)
         words += (
             f"; the photo is no whole {camera.width_px} x {camera.height_px} frame of its sensor, "
             "and the width of its strip is unknown"
@@ -215,7 +217,7 @@ def _key(name: str) -> str:
     return "".join(name.split()).casefold()
 
 
-def _of_a_strip(errors: AssumedErrors) -> AssumedErrors:
+def _widen_for_cropping(errors: AssumedErrors) -> AssumedErrors:
     return replace(errors, focal=CROPPED_FOCAL_SIGMA, centre=CROPPED_CENTRE_SIGMA)
 
 
@@ -232,7 +234,7 @@ def _from_equivalent(tags: CameraTags) -> _Source | None:
     errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL_SIGMA, radial=UNKNOWN_RADIAL_SIGMAS)
     words = f"the 35 mm equivalent in EXIF ({tags.focal_35mm_mm:g} mm); its distortion is unknown"
     if is_strip(tags):
-        errors = _of_a_strip(errors)
+        errors = _widen_for_cropping(errors)
         words += ", and so is how wide a strip of the sensor the photo is"
     return _Source(_pinhole(tags, equivalent_focal_px(tags, tags.focal_35mm_mm)), words, errors)
 
@@ -269,7 +271,7 @@ def _ordinary(tags: CameraTags) -> _Source:
     logarithm = np.log(list(ORDINARY_EQUIVALENTS_MM.values()))
     spread = float(np.std(logarithm, ddof=1))
     equivalent_mm = math.exp(np.mean(logarithm)) * tags.digital_zoom
-    errors = _of_a_strip(replace(DRONE_TABLE, radial=UNKNOWN_RADIAL_SIGMAS))
+    errors = _widen_for_cropping(replace(DRONE_TABLE, radial=UNKNOWN_RADIAL_SIGMAS))
     errors = replace(
         errors,
         focal=math.hypot(errors.focal, spread),
@@ -289,7 +291,7 @@ def _is_fisheye(tags: CameraTags, table: tuple[DroneCamera, ...]) -> bool:
     return camera is not None and not camera.is_perspective
 
 
-def _why_unknown(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
+def _explain_unknown_camera(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
     if _is_fisheye(tags, table):
         return (
             f"was taken with a fisheye lens ({tags.camera_name}), of which nothing can be assumed"
@@ -336,7 +338,7 @@ def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> t
     if not learnt.size:
         text = f"The survey's own picks and lengths add no information on the camera: {unknown}."
         return (Message("info", "camera-not-learnt", text),)
-    refined = ", ".join(_refined(camera, int(i), before) for i in learnt)
+    refined = ", ".join(_describe_refinement(camera, int(i), before) for i in learnt)
     text = f"The survey's own picks and lengths refined the camera: {refined}" + (
         f"; {unknown}." if rest else "."
     )
@@ -344,12 +346,12 @@ def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> t
     far = [int(i) for i in learnt if abs(camera.shift[i]) > CONTRADICTION_SIGMAS]
     if far:
         moved = ", ".join(f"{camera.names[i]} by {camera.shift[i]:+.1f}" for i in far)
-        text = _contradicted(moved, is_assumed=is_assumed)
+        text = _describe_contradiction(moved, is_assumed=is_assumed)
         messages.append(Message("warning", "camera-contradicted", text))
     return tuple(messages)
 
 
-def _contradicted(moved: str, *, is_assumed: bool) -> str:
+def _describe_contradiction(moved: str, *, is_assumed: bool) -> str:
     if is_assumed:
         return (
             f"The survey moves the camera farther than was assumed of it ({moved} of the assumed "
@@ -363,10 +365,10 @@ def _contradicted(moved: str, *, is_assumed: bool) -> str:
     )
 
 
-def _refined(camera: CameraUpdate, i: int, source: str) -> str:
+def _describe_refinement(camera: CameraUpdate, i: int, source: str) -> str:
     unit = " px" if camera.names[i] in _PIXELS else ""
     before, after = camera.prior_sigma[i], camera.sigma[i]
     return (
-        f"{camera.names[i]} from ± {figures(before)}{unit} to ± {figures(after)}{unit} "
+        f"{camera.names[i]} from ± {format_digits(before)}{unit} to ± {format_digits(after)}{unit} "
         f"(moved by {camera.shift[i]:+.1f} of the {source}'s sigmas)"
     )

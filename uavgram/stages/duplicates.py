@@ -15,11 +15,11 @@ from unicodedata import normalize
 
 import numpy as np
 
-from uavgram.errors import alike
+from uavgram.errors import replace_lookalikes
 from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
-from uavgram.model.naming import listed, photo_name
+from uavgram.model.naming import join_names, photo_name
 from uavgram.model.observations import NO_KNOWN, KnownLines, KnownThings, Picks
 
 _MAX_NAMED = 10
@@ -84,7 +84,7 @@ def find_duplicates(
     """
     same_file, saved_anew = _same_exposures(photos, sha256, picks, is_same)
     same_lines = _same_lines(lines)
-    same_known = _same_known(lines, known)
+    same_known = _find_duplicate_things(lines, known)
     return Duplicates(
         photos={**same_file, **saved_anew},
         lines=same_lines,
@@ -93,7 +93,7 @@ def find_duplicates(
             *_photo_message("photo-saved-anew", "the same exposure as", saved_anew),
             *_pick_message(picks),
             *_line_messages(lines, same_lines),
-            *_known_messages(known, same_known),
+            *_report_duplicate_things(known, same_known),
             *_alike_messages(picks),
         ),
         known=same_known,
@@ -187,7 +187,7 @@ def _same_lines(lines: KnownLines) -> dict[int, int]:
     return same
 
 
-def _same_known(lines: KnownLines, known: KnownThings) -> dict[int, str]:
+def _find_duplicate_things(lines: KnownLines, known: KnownThings) -> dict[int, str]:
     """Map each duplicate known thing to the length, or earlier thing, of equal points and value."""
     first: dict[tuple[object, ...], str] = {}
     for i in range(len(lines.name)):
@@ -208,7 +208,7 @@ def _same_known(lines: KnownLines, known: KnownThings) -> dict[int, str]:
     return same
 
 
-def _known_messages(known: KnownThings, same: Mapping[int, str]) -> tuple[Message, ...]:
+def _report_duplicate_things(known: KnownThings, same: Mapping[int, str]) -> tuple[Message, ...]:
     """Report all known things that are not counted."""
     if not same:
         return ()
@@ -254,7 +254,9 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
         return ()
     parts = []
     for kept in dict.fromkeys(same.values()):
-        others = listed([repr(lines.name[i]) for i, one in same.items() if one == kept], _MAX_NAMED)
+        others = join_names(
+            [repr(lines.name[i]) for i, one in same.items() if one == kept], _MAX_NAMED
+        )
         ends = f"{lines.start[kept]!r} to {lines.end[kept]!r}"
         parts.append(
             f"{lines.length_m[kept]:.10g} m from {ends} (counted: {lines.name[kept]!r}; not "
@@ -286,14 +288,19 @@ def _alike_messages(picks: Picks) -> Iterator[Message]:
         image = picks.image[picks.label.index(label)]
         text = (
             f"The label {label!r} is picked once, in {image}, and looks like "
-            f"{listed(map(repr, others))}: if that is the same point, give it one label."
+            f"{join_names(map(repr, others))}: if that is the same point, give it one label."
         )
         yield Message("warning", "label-resembles", text, labels=(label, *others))
 
 
 def _looks(label: str) -> list[str]:
     """List what a label looks like in print: with its leading zeros, and without them."""
-    return sorted({alike(label), alike(_LEADING_ZEROS.sub("", normalize("NFKC", label)))})
+    return sorted(
+        {
+            replace_lookalikes(label),
+            replace_lookalikes(_LEADING_ZEROS.sub("", normalize("NFKC", label))),
+        }
+    )
 
 
 def _rest(parts: list[str]) -> str:

@@ -1,11 +1,12 @@
 """Consensus of labels on the ground: which points are on it, though any of them may be off it.
 
-Errors of the poses raise or tilt all points together, so no single height shows whether its point
-is on the ground. Each point is therefore a mixture: on the ground, or anywhere above it; and the
-joint distribution of all heights decides. Expectation propagation (Minka 2001) approximates it: the
-mixture of each point is replaced in turn by the normal distribution with the same moments, given
-all others. It begins from the likeliest of several triples of points, as on the ground (Fischler
-and Bolles 1981), for it may end at another plane, such as that of roofs.
+Errors of the poses raise or tilt all points together, so the height of a single point does not show
+whether it is on the ground. The heights of all points are judged together. Each has a mixture of
+two priors: on the ground, or anywhere above it. Expectation propagation (Minka 2001) approximates
+the posterior: the mixture of each point is replaced in turn by the normal distribution with the
+same moments, given all others. The result depends on the start and may be another plane, such as
+that of roofs. Therefore it starts from the likeliest of several triples of points that are assumed
+to be on the ground (Fischler and Bolles 1981).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ house."""
 UNKNOWN_SIGMA_M = 10.0
 """Sigma of a height without any information [m]."""
 
-MISTAKEN = 0.01
+MISTAKE_PROBABILITY = 0.01
 """Probability that a point has neither such a height nor that of the ground: it is another thing in
 some photo."""
 
@@ -60,9 +61,11 @@ def find_ground_points(
     spread = np.tile(np.concatenate([[0.0], step, [UNKNOWN_SIGMA_M]]) ** 2, (len(height_m), 1))
     spread[:, 0] = least = roughness_m**2
     most = np.maximum(least, MAX_ROUGHNESS_M**2)
-    ground = (1.0 - MISTAKEN) * odds / (1.0 + odds)
-    raised = (1.0 - MISTAKEN - ground) / len(RAISED_HEIGHTS_M)
-    share = np.concatenate([[ground], np.full(len(RAISED_HEIGHTS_M), raised), [MISTAKEN]])
+    ground = (1.0 - MISTAKE_PROBABILITY) * odds / (1.0 + odds)
+    raised = (1.0 - MISTAKE_PROBABILITY - ground) / len(RAISED_HEIGHTS_M)
+    share = np.concatenate(
+        [[ground], np.full(len(RAISED_HEIGHTS_M), raised), [MISTAKE_PROBABILITY]]
+    )
     # Approximation of each point's mixture: its precision, and precision times mean.
     precision, pull = np.zeros((2, len(height_m)))
     first = _choose_first_points(height_m, covariance_m2, (middle, spread, share))

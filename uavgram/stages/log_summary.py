@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
+from uavgram.estimation.clocks.clock_line import convert_boot_to_utc, fit_boot_clock
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.gps_time import utc_text
 from uavgram.model.arrays import Floats
@@ -66,7 +66,7 @@ def _clock(boot: Boot) -> tuple[BootClock | None, tuple[Message, ...]]:
 def _span(positions: PositionSamples | None, clock: BootClock | None) -> tuple[str, str]:
     if positions is None or clock is None:
         return "", ""
-    first, last = to_utc(clock, positions.time_boot_s[[0, -1]])
+    first, last = convert_boot_to_utc(clock, positions.time_boot_s[[0, -1]])
     return utc_text(float(first)), utc_text(float(last))
 
 

@@ -1,13 +1,12 @@
 """Match: choose places to search in other photos, record finds, and test them for contradictions.
 
-More finds give better poses and smaller search regions. So a round takes only places predicted
-about as well as the best of the remaining ones, and a place that was not found is tried again from
-another pick, or once its region has become much smaller.
+The search has several rounds, as more finds give better poses and smaller search regions. A round
+takes the places that are predicted about as well as the best of the remaining ones. A place that
+was not found is tried again from another pick, or when its search region is much smaller.
 
-Predictions of places in one photo share the errors of its pose. So the errors of the finds must
-agree with the joint covariance of the predictions, and a look-alike a hundred pixels away is
-detectable, although not by its own prediction. The test is Baarda's, in the linear model (Baarda
-1968), for pairs of coordinates.
+All predictions in one photo share the errors of its pose, so the errors of the finds must agree
+with the joint covariance of the predictions. This test (Baarda 1968, in the linear model, for pairs
+of coordinates) detects a look-alike even inside its own large search region.
 """
 
 from __future__ import annotations
@@ -71,7 +70,7 @@ class Found:
     score: float
     radius_px: float
 
-    def missed(self, why: str) -> Missed:
+    def revoke(self, why: str) -> Missed:
         """Return the find as revoked."""
         return Missed(self.pick, self.radius_px, why, self.pixel_px)
 
@@ -111,7 +110,7 @@ class Record:
     found: Mapping[Pair, Found] = field(default_factory=dict)
     missed: Mapping[Pair, tuple[Missed, ...]] = field(default_factory=dict)
 
-    def with_results(self, results: Mapping[Pair, Found | Missed]) -> Record:
+    def add_results(self, results: Mapping[Pair, Found | Missed]) -> Record:
         """Add the results of another round."""
         found, missed = dict(self.found), dict(self.missed)
         for pair, result in results.items():
@@ -121,13 +120,13 @@ class Record:
                 missed[pair] = (*missed.get(pair, ()), result)
         return Record(found, missed)
 
-    def without(self, pairs: Mapping[Pair, str]) -> Record:
+    def revoke_finds(self, pairs: Mapping[Pair, str]) -> Record:
         """Revoke some finds, with reasons."""
-        out = {pair: self.found[pair].missed(why) for pair, why in pairs.items()}
+        out = {pair: self.found[pair].revoke(why) for pair, why in pairs.items()}
         rest = {pair: one for pair, one in self.found.items() if pair not in pairs}
-        return replace(self, found=rest).with_results(out)
+        return replace(self, found=rest).add_results(out)
 
-    def without_labels(self, labels: Collection[str]) -> Record:
+    def remove_labels(self, labels: Collection[str]) -> Record:
         """Remove some labels from the record."""
         found = {pair: one for pair, one in self.found.items() if pair[1] not in labels}
         missed = {pair: all_ for pair, all_ in self.missed.items() if pair[1] not in labels}
@@ -319,7 +318,7 @@ UNMOVED_PX = 1.0
 EVEN_ODDS = 1.0
 """Odds that a label without a height is on the ground, without further information."""
 
-NOTHING = 1e-12
+OUTLIER_LIKELIHOOD = 1e-12
 """Relative likelihood of what no height explains, such as a pick on another thing."""
 
 
@@ -370,7 +369,7 @@ def find_raised_labels(evidence: HeightEvidence, odds: float = EVEN_ODDS) -> set
     found = own * beside + behind * beside[:, :1]
     likelihood = np.where(evidence.is_picked[:, None], beside, found)
     likelihood = np.where(np.isnan(likelihood), 1.0 - behind - own, likelihood)
-    logarithm = np.log(likelihood + NOTHING)
+    logarithm = np.log(likelihood + OUTLIER_LIKELIHOOD)
     raised = set[str]()
     # A height that would hardly move a point, as between photos from one place, shows nothing.
     moved_px = np.linalg.norm(place, axis=2).max(axis=1)
@@ -405,14 +404,16 @@ def shows_ground(evidence: HeightEvidence, odds: float = EVEN_ODDS) -> bool:
     _, label = np.unique(np.array(evidence.label, np.str_)[searched], return_inverse=True)
     ratio = np.bincount(label, each[searched])
     # Likelihoods of what the photos show, by share, relative to that of labels off the ground.
-    any_ = np.logaddexp(np.log(SHARES)[:, None] + ratio, np.log1p(-SHARES)[:, None]).sum(axis=1)
-    none = len(ratio) * np.log1p(-SHARES)
+    any_ = np.logaddexp(
+        np.log(GROUND_SHARES)[:, None] + ratio, np.log1p(-GROUND_SHARES)[:, None]
+    ).sum(axis=1)
+    none = len(ratio) * np.log1p(-GROUND_SHARES)
     return bool(
         logsumexp(any_) - logsumexp(none) > np.log(2.0 / odds)
     )  # without none, more than none
 
 
-SHARES = (np.arange(100) + 0.5) / 100.0
+GROUND_SHARES = (np.arange(100) + 0.5) / 100.0
 """Shares of the labels that are on the ground, for the mean over all of them."""
 
 
@@ -430,7 +431,7 @@ NEARLY_WORST_SHARE = 0.7
 TURNED = float(chdtri(3, 1e-4))
 """Squared sigmas of the camera's direction on its mount above which the log is not used."""
 
-CURVED = 0.03
+NONLINEAR_SHARE = 0.03
 """Share of a place's error that the linear model may miss: a pose error of a degree or two moves
 places by other amounts at its edges."""
 
@@ -448,7 +449,7 @@ def find_contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) 
         (n,) of the finds.
     """
     n = len(off_px)
-    noise = sigma_px**2 + (CURVED * np.linalg.norm(off_px, axis=1)) ** 2
+    noise = sigma_px**2 + (NONLINEAR_SHARE * np.linalg.norm(off_px, axis=1)) ** 2
     weight = np.linalg.inv(covariance_px2 + np.diag(np.repeat(noise, 2)))
     left = np.arange(n)
     while left.size:

@@ -18,7 +18,7 @@ from uavgram.geometry.ground.measurements import profile
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.tables import COLUMNS, MeasurementResults, ProfileResults
@@ -192,9 +192,9 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
     unit = results.unit[i]
     if np.isfinite(sigma):
         why = (
-            f"with second-order terms its sigma is {figures(sigma, 3)} instead of "
-            f"{figures(results.sigma[i], 3)} "
-            f"{unit}, and its mean is off by {figures(bias, 3, sign='+')} {unit}"
+            f"with second-order terms its sigma is {format_digits(sigma, 3)} instead of "
+            f"{format_digits(results.sigma[i], 3)} "
+            f"{unit}, and its mean is off by {format_digits(bias, 3, sign='+')} {unit}"
         )
     else:
         why = "observations that differ by little more than their sigmas have no solution"
@@ -337,4 +337,4 @@ def _witnesses(adjustment: Adjustment) -> list[str]:
 
 def _percent(share: float) -> str:
     """Format a share in per cent, with two digits."""
-    return f"{figures(100.0 * share)}" if share < 1.0 else "100 or more"
+    return f"{format_digits(100.0 * share)}" if share < 1.0 else "100 or more"

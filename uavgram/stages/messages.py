@@ -64,7 +64,7 @@ def order_messages(*messages: Message) -> tuple[Message, ...]:
     groups: dict[object, list[Message]] = {}
     for message in dict.fromkeys(messages):
         groups.setdefault(_kind(message), []).append(message)
-    joined = [_joined(group) for group in groups.values()]
+    joined = [_join_messages(group) for group in groups.values()]
     joined.sort(key=_place)
     return tuple(joined)
 
@@ -83,7 +83,7 @@ def _kind(message: Message) -> object:
     return message.level, message.code, several.opening, several.ending
 
 
-def _joined(group: Sequence[Message]) -> Message:
+def _join_messages(group: Sequence[Message]) -> Message:
     """Join several messages of a kind."""
     first, several = group[0], [m.several for m in group if m.several is not None]
     if len(group) == 1:
@@ -95,14 +95,14 @@ def _joined(group: Sequence[Message]) -> Message:
     for what in NUMBERS:
         together[what] = tuple(chain.from_iterable(getattr(m, what) for m in group))
     opening = several[0].opening.replace("{count}", str(len(group)))
-    sentences = (f"{opening}: {_listed(several)}.", several[0].ending)
+    sentences = (f"{opening}: {_join_with_reasons(several)}.", several[0].ending)
     text = " ".join(filter(None, sentences))
-    mend, *instead = _mended_together([(m.mend, *m.instead) for m in group])
+    mend, *instead = _combine_remedies([(m.mend, *m.instead) for m in group])
     rest = tuple(one for one in instead if one is not None)
     return replace(first, text=text, several=None, plain="", mend=mend, instead=rest, **together)
 
 
-def _mended_together(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Remedy | None]:
+def _combine_remedies(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Remedy | None]:
     """Return a correction for several messages together, and its alternatives, likeliest first.
 
     Where one message has several possible corrections, there is no common one. To read a length
@@ -114,7 +114,7 @@ def _mended_together(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Reme
     return [mended_together(each) for each in zip(*remedies, strict=True)]
 
 
-def _listed(several: Sequence[MessagePlural]) -> str:
+def _join_with_reasons(several: Sequence[MessagePlural]) -> str:
     """Return ``'a', 'b' (too few picks); 'c' (in the sky); and 4 more``."""
     by_reason: dict[str, list[str]] = {}
     for one in several[:MAX_LISTED]:

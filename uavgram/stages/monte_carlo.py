@@ -19,7 +19,7 @@ from uavgram.estimation.survey.readjustment import refit
 from uavgram.model.arrays import Bools
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.tables import MeasurementResults, MonteCarloResults
 
@@ -156,7 +156,8 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
             low, high = sampled.interval_95[i]
             unit = first.unit[i]
             sigmas = (
-                f"sigma {figures(first.sigma[i], 3)}, sampled {figures(sampled.sigma[i], 3)} {unit}"
+                f"sigma {format_digits(first.sigma[i], 3)}, sampled "
+                f"{format_digits(sampled.sigma[i], 3)} {unit}"
             )
             ends_text = f"{low:.6g} to {high:.6g} {unit}"
             several = MessagePlural(

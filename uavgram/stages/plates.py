@@ -24,7 +24,7 @@ SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
-def own_scale_sigma(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...]:
+def make_scale_prior(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...]:
     """Return the prior of the common scale of all plates.
 
     Parameters
@@ -81,7 +81,7 @@ def add_plate_sides(
         adjust=np.ones(len(new), dtype=np.bool_),
         tape=(PLATE_TAPE,) * len(new),
     )
-    return lines.with_more(sides)
+    return lines.append(sides)
 
 
 def _find_plates(picks: Picks) -> dict[int, set[int]]:
@@ -143,11 +143,11 @@ def add_targets(
     plates_found = {
         plate.plate for some in seen.values() for plate in some if not plate.left_out.value
     }
-    messages = (*_left_out(seen), *_by_hand(by_hand))
-    return Rows(with_rows(kept, rows), len(plates_found), tuple(messages))
+    messages = (*_left_out(seen), *_report_manual_picks(by_hand))
+    return Rows(append_targets(kept, rows), len(plates_found), tuple(messages))
 
 
-def asked_centers(
+def list_requested_centers(
     plates: Collection[int], named: Collection[str], known: Collection[str], picks: Picks
 ) -> dict[int, str]:
     """Return labels of the plates' centres that the project names.
@@ -257,7 +257,7 @@ def chosen(picks: Picks, rows: Bools) -> Picks:
     )
 
 
-def with_rows(kept: Picks, rows: Sequence[TargetRow]) -> Picks:
+def append_targets(kept: Picks, rows: Sequence[TargetRow]) -> Picks:
     """Append rows of targets to picks."""
     n, m = len(kept.image), len(rows)
     nothing = np.full(m, np.nan)
@@ -303,7 +303,7 @@ def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:
             yield Message("warning", "target-left-out", text, frames=(image,), several=several)
 
 
-def _by_hand(rows: Sequence[TargetRow]) -> Iterator[Message]:
+def _report_manual_picks(rows: Sequence[TargetRow]) -> Iterator[Message]:
     if not rows:
         return
     first = rows[0]

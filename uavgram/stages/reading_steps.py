@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import KnownLines
 
 FINE_M = 0.01
@@ -74,9 +74,11 @@ def apply_reading_step(lines: KnownLines) -> tuple[KnownLines, tuple[Message, ..
         return lines, ()
     sigma_m = np.where(is_finer, np.hypot(lines.sigma_m, rounding_m), lines.sigma_m)
     text = (
-        f"The taped lengths are multiples of {figures(100 * np.sqrt(12.0) * rounding_m)} cm: they "
+        f"The taped lengths are multiples of {format_digits(100 * np.sqrt(12.0) * rounding_m)} cm: "
+        f"they "
         "were rounded to that, which makes each uncertain by "
-        f"{figures(100 * rounding_m)} cm, and not {figures(100 * lines.sigma_m.min())} cm as "
+        f"{format_digits(100 * rounding_m)} cm, and not {format_digits(100 * lines.sigma_m.min())} "
+        f"cm as "
         "stated. The program counts with both. Read the tape to the centimetre for smaller "
         "uncertainties."
     )

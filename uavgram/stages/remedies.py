@@ -17,7 +17,7 @@ from uavgram.model.message import (
     propose_length_removal,
     propose_pick_removal,
 )
-from uavgram.model.naming import listed, listed_photos
+from uavgram.model.naming import join_names, join_photo_names
 from uavgram.model.survey import Survey, SurveyCorrection
 
 
@@ -49,7 +49,7 @@ def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
             found.append(
                 Remedy(
                     action="read",
-                    words=f"Read {listed(names)} again",
+                    words=f"Read {join_names(names)} again",
                     corrections=tuple(Correction(action="read", length=name) for name in names),
                 )
             )
@@ -78,7 +78,7 @@ def report_not_located(names: ObservationNames, suspicion: Suspicion, detail: st
         f"the {causes}",
         ending="Look at all of them; click on the points again, or tape another line.",
     )
-    either = read_first(names.of(member).remedy(member.row) for member in members)
+    either = read_first(names.find_kind(member).remedy(member.row) for member in members)
     return Message(
         "warning",
         "blunder-not-located",
@@ -114,8 +114,10 @@ def report_one_of(
     """
     were = "was" if len(left_out) == 1 else "were"
     text = (
-        f"One of these is wrong: {listed(suspects, link='or')}. All the rest fits without any one "
-        f"of them, and nothing shows which. Of these, {listed(left_out)} {were} left out. {action}."
+        f"One of these is wrong: {join_names(suspects, link='or')}. All the rest fits without any "
+        f"one "
+        f"of them, and nothing shows which. Of these, {join_names(left_out)} {were} left out. "
+        f"{action}."
     )
     return Message(
         "warning",
@@ -203,7 +205,7 @@ def _labels(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     swaps = [one for frame, right in changed.items() for one in _swaps(frame, right)]
     if not swaps:
         return None
-    where = listed_photos(dict.fromkeys(one.frame for one in swaps))
+    where = join_photo_names(dict.fromkeys(one.frame for one in swaps))
     words = f"Change {sum(map(len, changed.values()))} labels in {where}"
     if len(swaps) == 1:
         first, second = swaps[0].label, swaps[0].other
@@ -254,7 +256,7 @@ def _places(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     for pick, place in mend.pixel_of_pick.items():
         frame, label = _pick(survey, pick)
         moves.append(Correction(action="move", frame=frame, label=label, pixel_px=place))
-    where = listed_photos(dict.fromkeys(one.frame for one in moves))
+    where = join_photo_names(dict.fromkeys(one.frame for one in moves))
     words = f"Put the picks of {where} back"
     return Remedy(action="move", words=words, corrections=tuple(moves))
 
@@ -276,7 +278,7 @@ def _lengths(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
         what = f"Take {changes[0].length} as {unit}:" if unit else f"Correct {changes[0].length} to"
         words = f"{what} {changes[0].length_m:.2f} m"
     elif len(named) == 2 and _is_exchange(survey, mend.length_m):
-        words = f"Swap the readings of {listed(named)}"
+        words = f"Swap the readings of {join_names(named)}"
     return Remedy(action="length", words=words, corrections=tuple(changes))
 
 
@@ -298,7 +300,7 @@ def _ends(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     if not named or not all(named):
         return None
     changes = [Correction(action="ends", length=name, ends=ends) for name, ends in named.items()]
-    words = f"Correct the ends of {listed(named)}"
+    words = f"Correct the ends of {join_names(named)}"
     if len(named) == 1:
         words = f"Take {changes[0].length} from {changes[0].ends[0]} to {changes[0].ends[1]}"
     return Remedy(action="ends", words=words, corrections=tuple(changes))
@@ -312,7 +314,7 @@ def _heights(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
         return up
     changes = tuple(Correction(action="on-ground", label=label) for label in down)
     ground = Remedy(
-        action="on-ground", words=f"Put {listed(down)} on the ground", corrections=changes
+        action="on-ground", words=f"Put {join_names(down)} on the ground", corrections=changes
     )
     return ground if up is None else replace(up, corrections=(*up.corrections, *changes))
 

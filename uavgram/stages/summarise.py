@@ -128,7 +128,7 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
     """
     layout, state = adjustment.problem.layout, adjustment.state
     basis = adjustment.problem.intrinsic_basis
-    intrinsic = adjustment.shared(layout.first_intrinsic, layout.intrinsics)
+    intrinsic = adjustment.shared_covariance(layout.first_intrinsic, layout.intrinsics)
     intrinsic_sigma = np.sqrt(np.einsum("ij,jk,ik->i", basis, intrinsic, basis))
     part = _telemetry_parts(adjustment)
     if isinstance(adjustment.survey.track, PhotoExposures):
@@ -137,12 +137,12 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
     rolling = adjustment.survey.rolling
     by_photos = rolling is not None and rolling.by_photos  # then no time: see RollingShutter
     return SharedResult(
-        boresight_deg=_changed(part.get("boresight"), DEGREES),
+        boresight_deg=_convert_estimate(part.get("boresight"), DEGREES),
         lever_arm_m=part.get("lever_arm"),
         position_bias_m=part.get("position_bias"),
-        heading_bias_deg=_changed(part.get("heading_bias"), DEGREES),
-        clock_offset_s=_changed(part.get("clock"), shift=clock_offset_s),
-        clock_drift_ppm=_changed(part.get("clock_drift"), 1e6),
+        heading_bias_deg=_convert_estimate(part.get("heading_bias"), DEGREES),
+        clock_offset_s=_convert_estimate(part.get("clock"), shift=clock_offset_s),
+        clock_drift_ppm=_convert_estimate(part.get("clock_drift"), 1e6),
         readout_s=Estimate(value=state.readout, sigma=_sigmas(adjustment, layout.first_readout, 1))
         if layout.readout and not by_photos
         else None,
@@ -198,10 +198,12 @@ def _sigmas(adjustment: Adjustment, first: int, count: int) -> Floats:
     """Return standard deviations (count,) of neighbouring shared unknowns."""
     if not count:
         return np.zeros(0)
-    return np.sqrt(np.diag(adjustment.shared(first, count)))
+    return np.sqrt(np.diag(adjustment.shared_covariance(first, count)))
 
 
-def _changed(estimate: Estimate | None, factor: float = 1.0, shift: float = 0.0) -> Estimate | None:
+def _convert_estimate(
+    estimate: Estimate | None, factor: float = 1.0, shift: float = 0.0
+) -> Estimate | None:
     """Convert an estimate to another unit, or to another zero."""
     if estimate is None:
         return None

@@ -29,7 +29,7 @@ LEAST_SHARE = 0.15
 MOST_NEIGHBOURS = 8
 """Largest number of photos that each is compared with: those of largest overlap."""
 
-SIGMAS = 3.5
+SEARCH_SIGMAS = 3.5
 """Radius of a search in standard deviations of the prediction."""
 
 WIDEST_SEARCH = 0.35
@@ -39,7 +39,7 @@ VAGUE_RAD = 0.2
 """Standard deviation of an attitude [rad] above which a pose does not determine the view of a
 photo."""
 
-FARTHEST = 6.0
+MAX_DISTANCE_RATIO = 6.0
 """Largest distance of ground that counts as shown, in heights of the camera above it."""
 
 
@@ -71,7 +71,7 @@ class Seen:
     def is_vague(self) -> Bools:
         """Mask (N,) of poses that do not determine the view of their photos."""
         variance = np.diagonal(self.poses.covariance, axis1=1, axis2=2)
-        far = SIGMAS * np.sqrt(variance[:, :3].max(axis=1)) > 2.0 * self.height_m
+        far = SEARCH_SIGMAS * np.sqrt(variance[:, :3].max(axis=1)) > 2.0 * self.height_m
         return np.asarray((variance[:, 3:].max(axis=1) > VAGUE_RAD**2) | far)
 
     def ground_of(self, photo: int, pixel_px: Floats) -> Floats:
@@ -83,7 +83,7 @@ class Seen:
             center, ray @ self.poses.world_from_camera[photo].T, plane, np.zeros(2)
         )
         with np.errstate(invalid="ignore"):
-            far = np.linalg.norm(world - center, axis=1) > FARTHEST * self.height_m[photo]
+            far = np.linalg.norm(world - center, axis=1) > MAX_DISTANCE_RATIO * self.height_m[photo]
         world[far] = np.nan
         return np.asarray(world)
 
@@ -101,7 +101,7 @@ class Prediction(NamedTuple):
     radius_px: float
 
 
-def overlap(seen: Seen) -> Floats:
+def compute_overlap(seen: Seen) -> Floats:
     """Compute the share (N, N) of ground shown by two photos: the lesser of the two shares."""
     count = len(seen.poses.frame_id)
     grid = _grid(seen.calibration)
@@ -126,7 +126,7 @@ def overlap(seen: Seen) -> Floats:
     return share
 
 
-def pairs_of(score: Floats, least: float, most: int = MOST_NEIGHBOURS) -> Ints:
+def choose_pairs(score: Floats, least: float, most: int = MOST_NEIGHBOURS) -> Ints:
     """Choose pairs (P, 2) of photos to compare, each among the best of one of the two.
 
     Parameters
@@ -173,7 +173,7 @@ def _radius(seen: Seen, one: int, other: int) -> float:
     turn = variance[:, 3:].max(axis=1).sum()
     place = variance[:, :3].max(axis=1).sum() / height**2
     ground = (np.linalg.norm(base) * max(seen.ground_sigma_m, 0.05 * height) / height**2) ** 2
-    return float(SIGMAS * seen.calibration.parameters[0] * np.sqrt(turn + place + ground))
+    return float(SEARCH_SIGMAS * seen.calibration.parameters[0] * np.sqrt(turn + place + ground))
 
 
 def _grid(camera: Calibration) -> Floats:
@@ -233,7 +233,7 @@ class Tracks(NamedTuple):
     feature: Ints
 
 
-def tracks_of(matches: Matches, photo: Ints) -> Tracks:
+def join_tracks(matches: Matches, photo: Ints) -> Tracks:
     """Join features that are matched, directly or through others, into points.
 
     Parameters
@@ -269,21 +269,21 @@ def tracks_of(matches: Matches, photo: Ints) -> Tracks:
     return Tracks(point.astype(np.int64), feature[kept])
 
 
-LARGE = 4.0
+NOISY_SIZE_PX = 4.0
 """Size of a feature, in pixels of the reduced photo, above which its error grows: on rendered
 streets the error is constant below, and grows with the size above."""
 
-TOO_LARGE = 10.0
+MAX_SIZE_PX = 10.0
 """Size above which a feature is not used as a point."""
 
-MOST_SIGMAS = 4.0
+MAX_RESIDUAL_SIGMAS = 4.0
 """Robust sigmas of its pair above which a match is an outlier."""
 
-LEAST_PX = 0.03
+MIN_SIGMA_PX = 0.03
 """Lower limit of the sigma of a feature, in pixels of the reduced photo."""
 
 
-def relative_noise(size_px: Floats, scale: float) -> Floats:
+def compute_relative_noise(size_px: Floats, scale: float) -> Floats:
     """Compute errors (F,) of features as multiples of those of small ones.
 
     Parameters
@@ -293,10 +293,10 @@ def relative_noise(size_px: Floats, scale: float) -> Floats:
     scale
         Pixels of the photo per pixel of the reduced one.
     """
-    return np.maximum(1.0, size_px / (LARGE * scale))
+    return np.maximum(1.0, size_px / (NOISY_SIZE_PX * scale))
 
 
-def fitting(matches: Matches, relative: Floats, pairs: int) -> Bools:
+def mark_fitting_matches(matches: Matches, relative: Floats, pairs: int) -> Bools:
     """Mark matches (M,) of small features that are no outliers of their pair.
 
     Parameters
@@ -304,21 +304,21 @@ def fitting(matches: Matches, relative: Floats, pairs: int) -> Bools:
     matches
         Matches of all pairs.
     relative
-        (F,) `relative_noise` of the features.
+        (F,) `compute_relative_noise` of the features.
     pairs
         Number of pairs.
     """
-    off = np.abs(_normalised(matches, relative))
+    off = np.abs(_normalise_distances(matches, relative))
     median = np.full(pairs, np.inf)
     order = np.lexsort((off, matches.pair))
     start = np.searchsorted(matches.pair[order], np.arange(pairs + 1))
     has = np.diff(start) > 0
     median[has] = off[order[(start[:-1] + start[1:])[has] // 2]]
-    small = relative[matches.feature].max(axis=1) < TOO_LARGE / LARGE
-    return np.asarray((off < MOST_SIGMAS * 1.4826 * median[matches.pair]) & small)
+    small = relative[matches.feature].max(axis=1) < MAX_SIZE_PX / NOISY_SIZE_PX
+    return np.asarray((off < MAX_RESIDUAL_SIGMAS * 1.4826 * median[matches.pair]) & small)
 
 
-def sigmas(matches: Matches, relative: Floats, pairs: int, scale: float) -> Floats:
+def estimate_sigmas(matches: Matches, relative: Floats, pairs: int, scale: float) -> Floats:
     """Estimate the sigma (F,) of each coordinate of the matched features [px]; NaN for others.
 
     Parameters
@@ -326,23 +326,25 @@ def sigmas(matches: Matches, relative: Floats, pairs: int, scale: float) -> Floa
     matches
         Matches that fit.
     relative
-        (F,) `relative_noise` of the features.
+        (F,) `compute_relative_noise` of the features.
     pairs
         Number of pairs.
     scale
         Pixels of the photo per pixel of the reduced one.
     """
-    square = np.bincount(matches.pair, _normalised(matches, relative) ** 2, minlength=pairs)
+    square = np.bincount(
+        matches.pair, _normalise_distances(matches, relative) ** 2, minlength=pairs
+    )
     of_pair = square / np.maximum(np.bincount(matches.pair, minlength=pairs), 1)
     feature = matches.feature.ravel()
     count = np.bincount(feature, minlength=len(relative))
     total = np.bincount(feature, np.repeat(of_pair[matches.pair], 2), minlength=len(relative))
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = relative * np.sqrt(total / count)
-    return np.asarray(np.maximum(sigma, LEAST_PX * scale))
+    return np.asarray(np.maximum(sigma, MIN_SIGMA_PX * scale))
 
 
-def _normalised(matches: Matches, relative: Floats) -> Floats:
+def _normalise_distances(matches: Matches, relative: Floats) -> Floats:
     """Divide distances across (M,) by their sigma for two features of such size at sigma 1."""
     of_two: Ints = matches.feature
     return np.asarray(matches.across_px / np.sqrt((relative[of_two] ** 2).sum(axis=1)))
@@ -354,23 +356,23 @@ GRID = 10, 8
 FINE = 60, 45
 """Columns and rows of the cells in which a second sighting adds no information."""
 
-MOST = 100
+MAX_SIGHTINGS = 100
 """Largest number of sightings kept in a photo."""
 
-ENOUGH = 60
+SUFFICIENT_SIGHTINGS = 60
 """Number of sightings above which a photo needs no more that share their cells with others."""
 
-SHARED = 12
+WANTED_COMMON_POINTS = 12
 """Wanted number of common points of two matched photos."""
 
-BESIDE = 8
+POINTS_BESIDE_PICK = 8
 """Points beside each pick, which show the height of the ground there; see
 stages/refine/ground_from_ties."""
 
-NEAR = 0.05
+MAX_PICK_DISTANCE_SHARE = 0.05
 """Largest distance of these from the pick, as a share of the photo's width."""
 
-SURE = 3
+MIN_SURE_PHOTOS = 3
 """Least number of photos that show each of them: with two, the height is less certain."""
 
 
@@ -409,7 +411,7 @@ def choose(sighted: Sighted) -> Ints:
     of their cells are free, then for pairs of photos with few common points, then for photos with
     few points.
     """
-    return np.array(_Choice(sighted).chosen(), dtype=np.int64)
+    return np.array(_Choice(sighted).choose_points(), dtype=np.int64)
 
 
 class _Choice:
@@ -427,15 +429,18 @@ class _Choice:
         self._taken: dict[int, None] = {}
         self._sighted = sighted
 
-    def chosen(self) -> list[int]:
+    def choose_points(self) -> list[int]:
         for point in self._order:
             if self._is_free(point, self._cells):
                 self._take(point)
         for point in self._left():
-            if any(self._common[pair] < SHARED for pair in combinations(self._photos(point), 2)):
+            if any(
+                self._common[pair] < WANTED_COMMON_POINTS
+                for pair in combinations(self._photos(point), 2)
+            ):
                 self._take(point)
         for point in self._left():
-            if any(self._count[photo] < ENOUGH for photo in self._photos(point)):
+            if any(self._count[photo] < SUFFICIENT_SIGHTINGS for photo in self._photos(point)):
                 self._take(point)
         self._count.clear()  # photos have as much room again
         for near in self._near_picks():
@@ -444,7 +449,7 @@ class _Choice:
 
     def _take_beside(self, near: list[int]) -> None:
         """Keep points near a pick, in this order, until there are enough."""
-        missing = BESIDE - sum(point in self._taken for point in near)
+        missing = POINTS_BESIDE_PICK - sum(point in self._taken for point in near)
         for point in near:
             if missing > 0 and point not in self._taken and self._is_free(point, self._fine):
                 self._take(point)
@@ -454,14 +459,19 @@ class _Choice:
         """Yield certain points near each pick, the nearest first."""
         sighted = self._sighted
         point, photo = sighted.tracks.point, sighted.photo
-        sure = np.bincount(point)[point] >= SURE if len(point) else np.zeros(0, np.bool_)
+        sure = np.bincount(point)[point] >= MIN_SURE_PHOTOS if len(point) else np.zeros(0, np.bool_)
         for one in np.unique(sighted.picked_photo):
             rows = np.flatnonzero(sure & (photo == one))
             if not len(rows):
                 continue
             picked = sighted.picked_px[sighted.picked_photo == one]
-            tree, ranks = cKDTree(sighted.pixel_px[rows]), np.arange(1, min(MOST, len(rows)) + 1)
-            away, near = tree.query(picked, ranks, distance_upper_bound=NEAR * sighted.width_px)
+            tree, ranks = (
+                cKDTree(sighted.pixel_px[rows]),
+                np.arange(1, min(MAX_SIGHTINGS, len(rows)) + 1),
+            )
+            away, near = tree.query(
+                picked, ranks, distance_upper_bound=MAX_PICK_DISTANCE_SHARE * sighted.width_px
+            )
             yield from (
                 point[rows[which[np.isfinite(distance)]]].tolist()
                 for which, distance in zip(np.asarray(near), np.asarray(away), strict=True)
@@ -486,7 +496,7 @@ class _Choice:
     def _take(self, point: int) -> None:
         """Keep a point, unless its photos have enough."""
         photos = self._photos(point)
-        if all(self._count[photo] >= MOST for photo in photos):
+        if all(self._count[photo] >= MAX_SIGHTINGS for photo in photos):
             return
         self._taken[point] = None
         for cells in (self._cells, self._fine):
@@ -506,7 +516,7 @@ class _Cells:
         self.full: set[int] = set()
 
 
-def remarks(ties: TiePicks, photos: Sequence[str], file: str) -> Iterator[Message]:
+def report_ties(ties: TiePicks, photos: Sequence[str], file: str) -> Iterator[Message]:
     """Report the number of tie points, and photos without any.
 
     Parameters
@@ -537,11 +547,11 @@ def remarks(ties: TiePicks, photos: Sequence[str], file: str) -> Iterator[Messag
     )
     for name in photos:
         if name not in count:
-            yield _untied(name)
-    yield from _apart(ties, [name for name in photos if name in count])
+            yield _report_untied_photo(name)
+    yield from _report_untied_groups(ties, [name for name in photos if name in count])
 
 
-def _untied(photo: str) -> Message:
+def _report_untied_photo(photo: str) -> Message:
     return Message(
         "info",
         "photo-untied",
@@ -556,7 +566,7 @@ def _untied(photo: str) -> Message:
     )
 
 
-def _apart(ties: TiePicks, photos: Sequence[str]) -> Iterator[Message]:
+def _report_untied_groups(ties: TiePicks, photos: Sequence[str]) -> Iterator[Message]:
     """Report groups of photos without common tie points."""
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - slow to load
 

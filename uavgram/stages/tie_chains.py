@@ -110,5 +110,5 @@ def find_ties(ties: TiePicks, frame_at: Mapping[str, int]) -> Sightings:
         row=rows,
         pick=np.full(len(names), -1),
     )
-    some, _ = sightings.without(np.zeros(len(rows), dtype=np.bool_))
+    some, _ = sightings.remove(np.zeros(len(rows), dtype=np.bool_))
     return some

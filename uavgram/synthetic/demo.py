@@ -25,7 +25,7 @@ from uavgram.model.limits import number_text
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.synthetic.accident_scene import SAMPLE_MARK, TAPE_FILE, is_sample
 from uavgram.synthetic.rendering import render_photos
 from uavgram.synthetic.scenario import Scenario
@@ -249,7 +249,7 @@ def _camera_yaml(survey: SimulatedSurvey) -> str:
     )
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def run_demo(
     folder: Path,
     scenario: Scenario,
@@ -289,7 +289,7 @@ SAMPLE_NAME = "uavgram-sample"
 """Default name of the sample's folder."""
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def make_sample(folder: Path, progress: Progress = silent) -> Path:
     """Create the sample in a folder; an existing sample is left unchanged.
 

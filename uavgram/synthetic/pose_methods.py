@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.known_lines import compute_direct_poses, poses_from_lines
+from uavgram.estimation.first_poses.known_lines import compute_direct_poses, find_poses_from_lines
 from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
 from uavgram.estimation.first_poses.resection import LineRows
 from uavgram.estimation.repeated.single_photo import adjust_photos
@@ -46,7 +46,7 @@ def make_line_rows(scenes: MethodScenes) -> LineRows:
 
 def find_line_starts(scenes: MethodScenes) -> Starts:
     """Return the best poses of the search with lines."""
-    ends = poses_from_lines(make_line_rows(scenes))
+    ends = find_poses_from_lines(make_line_rows(scenes))
     some = np.isfinite(ends.cost)[..., None]
     return np.where(some, ends.state[0], np.nan), np.where(some[..., None], ends.state[1], np.nan)
 

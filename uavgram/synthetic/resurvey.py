@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
 from uavgram.estimation.survey.observed import SimulatedTruth
@@ -53,23 +53,23 @@ class ProjectWorld:
     unit: tuple[str, ...]
     value: Floats
 
-    def drawn(self, number: int) -> DrawnSurvey:
+    def draw(self, number: int) -> DrawnSurvey:
         """Return one repetition; the same number gives the same one."""
         seeds = np.random.SeedSequence([self.spec.seed, number]).spawn(len(OBSERVATIONS))
-        return self._drawn(map(np.random.default_rng, seeds))
+        return self._draw_observations(map(np.random.default_rng, seeds))
 
     def exact(self) -> DrawnSurvey:
         """Return the survey without any error, with its sigmas as stated."""
-        drawn = self._drawn(MeanGenerator() for _ in OBSERVATIONS)
+        drawn = self._draw_observations(MeanGenerator() for _ in OBSERVATIONS)
         options = replace(drawn.inputs.project.solve, noise="stated")
         project = replace(drawn.inputs.project, solve=options)
         return drawn._replace(inputs=replace(drawn.inputs, project=project))
 
-    def named(self) -> tuple[str, int]:
+    def get_name_and_seed(self) -> tuple[str, int]:
         """Return name and seed."""
         return self.spec.name, self.spec.seed
 
-    def _drawn(self, rngs: Iterable[np.random.Generator]) -> DrawnSurvey:
+    def _draw_observations(self, rngs: Iterable[np.random.Generator]) -> DrawnSurvey:
         """Draw each kind of observation again, from its own random stream."""
         inputs, control = self.inputs, self.inputs.control
         placed = KnownWorldPoints(
@@ -196,7 +196,7 @@ def _add_lengths(
     for line in spec.lines:
         for end in (line.start, line.end):
             if end not in labels:
-                hint = near_miss(end, labels)
+                hint = suggest_spelling(end, labels)
                 raise InputError(
                     scenario or "",
                     f"lines: {line.name!r} ends at {end!r}, which is no picked point of the project"
@@ -210,4 +210,4 @@ def _add_lengths(
         sigma_m=np.full(len(spec.lines), spec.tape_m),
         adjust=np.array([line.use == "adjust" for line in spec.lines], dtype=np.bool_),
     )
-    return lines.with_more(more)
+    return lines.append(more)

@@ -439,7 +439,7 @@ class Scenario:
         require(
             not unknown,
             f"lines, measurements, control and habits name unknown points: {', '.join(unknown)}"
-            f"{self._of_the_demo()}",
+            f"{self._name_demo_sections()}",
         )
         wrong = {one.name for one in self.habits.wrong_lengths}
         strange = sorted(wrong - {line.name for line in self.lines})
@@ -451,11 +451,11 @@ class Scenario:
                 f"lost_exposure must lie between 0 and {count - 1}, or be null: none is lost",
             )
 
-    def with_seed(self, seed: int) -> Scenario:
+    def replace_seed(self, seed: int) -> Scenario:
         """Return the same scenario with another draw of every error."""
         return dataclasses.replace(self, seed=seed)
 
-    def _of_the_demo(self) -> str:
+    def _name_demo_sections(self) -> str:
         """Name the sections with points that are the demo's, though the points are not."""
         sections = {"lines": DEMO_LINES, "measurements": DEMO_MEASUREMENTS}
         same = [name for name, usual in sections.items() if getattr(self, name) == usual]

@@ -8,7 +8,7 @@ from typing import Any
 
 from uavgram.config.strict_yaml import Document, Plain, format_key_path, read_yaml, yaml_text
 from uavgram.config.validation import validate
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.io.cameras import read_drone_cameras
 from uavgram.io.tables.measure import points_fault
 from uavgram.model.camera import ORDINARY_EQUIVALENTS_MM, Calibration, CameraTags, DroneCamera
@@ -134,7 +134,7 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
         Names file, line and key of values that are invalid or make no sense.
     """
     scenario, document = read_scenario_document(path)
-    scenario = scenario if seed is None else scenario.with_seed(seed)
+    scenario = scenario if seed is None else scenario.replace_seed(seed)
     wrong = [(i, explain_impossible(one)) for i, one in enumerate(scenario.measurements)]
     if any(fault for _, fault in wrong):
         named = [
@@ -182,7 +182,7 @@ def read_scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
     found = find_camera(named, known)
     if found is None:
         sold = {one.comment for one in known if one.make_model in ORDINARY_EQUIVALENTS_MM}
-        hint = near_miss(camera.drone, sorted({*sold, *(one.make_model for one in known)}))
+        hint = suggest_spelling(camera.drone, sorted({*sold, *(one.make_model for one in known)}))
         raise InputError(
             path,
             f"camera.drone: the table of drone cameras has no {camera.drone!r}"
@@ -190,7 +190,7 @@ def read_scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
             "'dji fc330', or as it is sold, such as 'DJI Mavic 2 Pro', or give camera.file. Drones "
             "of one maker often have the same camera",
         )
-    return _of_table(path, camera, _choose_colour_camera(found, known))
+    return _make_tabulated_camera(path, camera, _choose_colour_camera(found, known))
 
 
 def _choose_colour_camera(found: DroneCamera, known: tuple[DroneCamera, ...]) -> DroneCamera:
@@ -199,7 +199,7 @@ def _choose_colour_camera(found: DroneCamera, known: tuple[DroneCamera, ...]) ->
     return max(same, key=lambda one: one.width_px, default=found)
 
 
-def _of_table(path: Path, camera: CameraSpec, found: DroneCamera) -> Calibration:
+def _make_tabulated_camera(path: Path, camera: CameraSpec, found: DroneCamera) -> Calibration:
     focal_mm = found.focal_mm if camera.focal_mm is None else camera.focal_mm
     if not focal_mm > 0:
         raise InputError(

@@ -314,7 +314,7 @@ def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
     asphalt = painter.polygons(*compute_road_outlines(road))
     image = _verge(image, asphalt, grain, patches)
     _footpath(image, painter, grain, rng)
-    paint_layer(image, _asphalt(painter, road, grain, patches, rng), asphalt)
+    paint_layer(image, _paint_asphalt(painter, road, grain, patches, rng), asphalt)
     _kerb(image, painter, road, grain)
     _road_paint(image, painter, road, grain, patches)
     _skid_marks(image, painter, road, grain)
@@ -375,7 +375,7 @@ def _footpath(image: Image, painter: Painter, grain: Weights, rng: np.random.Gen
     paint_layer(image, (78, 86, 86), painter.stripes(*lines, *edges, width_m=0.025), 0.8)
 
 
-def _asphalt(
+def _paint_asphalt(
     painter: Painter,
     road: RoadLayout,
     grain: Weights,

@@ -14,7 +14,7 @@ import numpy as np
 from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.repeated.accuracy import compute_accuracy, compute_running_ratio
 from uavgram.io.json_codec import Record, encode
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import stage_output
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.simulation import (
@@ -209,7 +209,7 @@ def predict_sigmas(world: World) -> tuple[tuple[str, ...], tuple[str, ...], Floa
     drawn = world.exact()
     with one_blas_thread():
         result = compute(drawn.inputs, posed=drawn.posed, curved=False).result
-    _, sigma = _measured(result, drawn)
+    _, sigma = _collect_measured(result, drawn)
     return drawn.name, drawn.unit, sigma
 
 
@@ -259,13 +259,13 @@ def run_repetition(world: World, number: int) -> Repetition:
     world, number
         Survey to be drawn, and number of the draw.
     """
-    drawn = world.drawn(number)
+    drawn = world.draw(number)
     try:
         with one_blas_thread():
             result = compute(drawn.inputs, posed=drawn.posed, curved=False).result
     except UavgramError as fault:
         return Repetition(number=number, failure=str(fault))
-    value, sigma = _measured(result, drawn)
+    value, sigma = _collect_measured(result, drawn)
     return Repetition(
         number=number,
         true=tuple(drawn.true.tolist()),
@@ -310,7 +310,7 @@ def gather_repetitions(
     )
 
 
-def _measured(result: Result, drawn: DrawnSurvey) -> tuple[Floats, Floats]:
+def _collect_measured(result: Result, drawn: DrawnSurvey) -> tuple[Floats, Floats]:
     """Return values and sigmas (M,) in the order of the truth; NaN where there is none.
 
     Coordinates are NaN in a world that is not georeferenced.
@@ -388,7 +388,7 @@ def simulate_many(
         )
     except UavgramError as fault:
         raise InputError(source, f"has no result, not even without errors: {fault}") from fault
-    name, seed = world.named()
+    name, seed = world.get_name_and_seed()
     return Simulation(
         name=name,
         seed=seed,
@@ -421,7 +421,7 @@ def write_outputs(simulation: Simulation, folder: Path, source: Path) -> tuple[s
     OutputError
         The folder cannot be written.
     """
-    with staged_output(folder, [source]) as hidden:
+    with stage_output(folder, [source]) as hidden:
         write_simulation(simulation, hidden / JSON_FILE)
         page = render_simulation_page(simulation)
         (hidden / PAGE_FILE).write_text(page, encoding="utf-8")

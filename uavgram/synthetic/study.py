@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uavgram.errors import UavgramError, near_miss
+from uavgram.errors import UavgramError, suggest_spelling
 from uavgram.io.json_codec import Json, encode
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import stage_output
 from uavgram.model.simulation import SOURCES, MethodRow, Study
 from uavgram.pipeline.parallel import run_in_processes
 from uavgram.pipeline.progress import Progress, silent
@@ -174,7 +174,7 @@ def list_studies(asked: str) -> tuple[str, ...]:
         return STUDY_NAMES
     if asked in STUDY_NAMES:
         return (asked,)
-    hint = near_miss(asked, [*STUDY_NAMES, "all"])
+    hint = suggest_spelling(asked, [*STUDY_NAMES, "all"])
     raise UavgramError(
         f"there is no study {asked!r}{hint and f' ({hint})'}: "
         f"name one of {', '.join(STUDY_NAMES)}, or all of them by uavgram study all"
@@ -259,7 +259,7 @@ def make_studies(
     for name in names:
         made = make_study(name, repetitions, workers, progress)
         studies, figures = (*studies, made), figures | figure_files((made,))
-        with staged_output(folder) as hidden:
+        with stage_output(folder) as hidden:
             write_studies(studies, hidden / JSON_FILE)
             for file, content in figures.items():
                 (hidden / file).write_bytes(content)

@@ -457,13 +457,13 @@ class DrawnSurvey(NamedTuple):
 class World(Protocol):
     """Survey that can be repeated."""
 
-    def drawn(self, number: int) -> DrawnSurvey:
+    def draw(self, number: int) -> DrawnSurvey:
         """Return one repetition; the same number gives the same one."""
 
     def exact(self) -> DrawnSurvey:
         """Return the survey without any error, with its sigmas as stated."""
 
-    def named(self) -> tuple[str, int]:
+    def get_name_and_seed(self) -> tuple[str, int]:
         """Return name and seed."""
 
 
@@ -474,7 +474,7 @@ class ScenarioWorld:
     scenario: Scenario
     calibration: Calibration | None = None
 
-    def drawn(self, number: int) -> DrawnSurvey:
+    def draw(self, number: int) -> DrawnSurvey:
         """Return one repetition; the same number gives the same one."""
         survey = simulate(self.scenario, self.calibration, repetition=number)
         truth = survey.truth
@@ -498,6 +498,6 @@ class ScenarioWorld:
             truth.measurement_value,
         )
 
-    def named(self) -> tuple[str, int]:
+    def get_name_and_seed(self) -> tuple[str, int]:
         """Return name and seed."""
         return self.scenario.name, self.scenario.seed

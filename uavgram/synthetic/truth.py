@@ -221,10 +221,10 @@ def _value(request: MeasurementRequest, at: Floats) -> float:
         return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
     if request.kind == "volume":
         return _volume(dict(request.parameters), at)
-    return _of_lines_and_planes(request, at)
+    return _measure_line_or_plane(request, at)
 
 
-def _of_lines_and_planes(request: MeasurementRequest, at: Floats) -> float:
+def _measure_line_or_plane(request: MeasurementRequest, at: Floats) -> float:
     east, north, up = at[-1] - at[0]
     if request.kind == "line_distance":
         along = at[2] - at[1]

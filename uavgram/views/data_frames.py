@@ -177,11 +177,11 @@ def to_pandas(result: Result, table: TableName) -> pd.DataFrame:
     if table in _OF_MEASUREMENTS:
         return _of_measurements(result, table)
     if table in _RECORDS:
-        return _indexed(_pandas().DataFrame([_record(one) for one in _RECORDS[table](result)]))
+        return _set_index(_pandas().DataFrame([_record(one) for one in _RECORDS[table](result)]))
     if table in _EVIDENCE:
         found = _EVIDENCE[table](result.evidence) if result.evidence else None
         return _pandas().DataFrame({} if found is None else dict(columns(found)))
-    return _indexed(_pandas().DataFrame(dict(columns(getattr(result, table)))))
+    return _set_index(_pandas().DataFrame(dict(columns(getattr(result, table)))))
 
 
 def _pandas() -> Any:  # noqa: ANN401
@@ -193,7 +193,7 @@ def _pandas() -> Any:  # noqa: ANN401
         ) from fault
 
 
-def _indexed(frame: pd.DataFrame) -> pd.DataFrame:
+def _set_index(frame: pd.DataFrame) -> pd.DataFrame:
     key = next((key for key in _KEYS if key in frame), None)
     return frame.set_index(key) if key and frame[key].is_unique else frame
 

@@ -6,7 +6,7 @@ import re
 import textwrap
 from difflib import get_close_matches
 
-from uavgram.errors import UavgramError, alike
+from uavgram.errors import UavgramError, replace_lookalikes
 from uavgram.model.message_catalogue.entry import Effect, Entry
 from uavgram.model.message_catalogue.lookup import CATALOGUE, SUBJECTS
 
@@ -44,7 +44,7 @@ def explanation(code: str) -> list[str]:
     """
     entry = CATALOGUE.get(code.strip("[] ").lower())
     if entry is None:
-        raise UavgramError(_unknown(code))
+        raise UavgramError(_explain_unknown_code(code))
     lines = [f"{entry.code}: {_levels(entry)}", ""]
     for head, text in _parts(entry):
         lines += textwrap.wrap(
@@ -98,9 +98,9 @@ def _levels(entry: Entry) -> str:
     return " or ".join(LEVEL_WORDS[level] for level in entry.levels)
 
 
-def _unknown(code: str) -> str:
-    by_look = {alike(known): known for known in CATALOGUE}
-    near = get_close_matches(alike(code), by_look, n=MAX_SUGGESTED, cutoff=0.65)
+def _explain_unknown_code(code: str) -> str:
+    by_look = {replace_lookalikes(known): known for known in CATALOGUE}
+    near = get_close_matches(replace_lookalikes(code), by_look, n=MAX_SUGGESTED, cutoff=0.65)
     listed = ", ".join(by_look[one] for one in near)
     return (
         f"No message has the code {code!r}. "

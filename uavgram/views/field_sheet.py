@@ -22,6 +22,7 @@ from uavgram.views.flight_plan import (
     describe_accuracy,
     describe_alternatives,
     describe_criterion,
+    find_unchecked_lines,
     flight_facts,
     line_rows,
     list_assumptions,
@@ -30,7 +31,6 @@ from uavgram.views.flight_plan import (
     plate_side,
     summarise_work,
     take_off_words,
-    unchecked_lines,
     value_rows,
 )
 from uavgram.views.pages import PAPER_SIZES, page, page_pdf
@@ -276,7 +276,7 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         wanted=value_rows(planned, units),
         facts=flight_facts(planned),
         corners=corners_on_earth(planned),
-        unchecked=unchecked_lines(planned),
+        unchecked=find_unchecked_lines(planned),
         lost=describe_alternatives(planned),
         take_off=take_off_words(planned),
         chosen=describe_criterion(planned),

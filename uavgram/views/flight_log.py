@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.estimation.clocks.clock_line import to_utc
+from uavgram.estimation.clocks.clock_line import convert_boot_to_utc
 from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import (
     BootClock,
@@ -147,16 +147,17 @@ def _events_text(events: CameraEvents | None) -> str:
     missed = events.image_number[~confirmed].tolist()
     if missed:
         text += (
-            f", {len(missed)} triggered that the camera did not confirm (image {_listed(missed)})"
+            f", {len(missed)} triggered that the camera did not confirm (image "
+            f"{_join_numbers(missed)})"
         )
     if events.lost:
-        text += f", {len(events.lost)} missing (image {_listed(events.lost)})"
+        text += f", {len(events.lost)} missing (image {_join_numbers(events.lost)})"
     if events.repeated:
-        text += f", {len(events.repeated)} doubled (image {_listed(events.repeated)})"
+        text += f", {len(events.repeated)} doubled (image {_join_numbers(events.repeated)})"
     return text
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _join_numbers(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers[:_MANY])) + (", ..." if len(numbers) > _MANY else "")
 
 
@@ -196,7 +197,7 @@ def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401
         ],
         "notes": list(log.notes),
     }
-    return _without_nan(content)
+    return _replace_nan(content)
 
 
 def _boot(summary: BootSummary) -> dict[str, Any]:
@@ -282,7 +283,7 @@ def _events(events: CameraEvents | None, summary: BootSummary) -> dict[str, Any]
     if events is None:
         return None
     clock = summary.clock
-    utc = None if clock is None else to_utc(clock, events.time_boot_s).tolist()
+    utc = None if clock is None else convert_boot_to_utc(clock, events.time_boot_s).tolist()
     confirmed = events.confirmed > 0
     return {
         "source": events.source,
@@ -311,12 +312,12 @@ def _home(home: HomeSamples | None, moves_m: float) -> dict[str, Any] | None:
     }
 
 
-def _without_nan(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
+def _replace_nan(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
     """Replace each number that is not finite by null."""
     if isinstance(value, dict):
-        return {key: _without_nan(each) for key, each in value.items()}
+        return {key: _replace_nan(each) for key, each in value.items()}
     if isinstance(value, list):
-        return [_without_nan(each) for each in value]
+        return [_replace_nan(each) for each in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -98,7 +98,7 @@ def _panels(summary: BootSummary) -> Iterator[tuple[str, Callable[[Axes], None]]
         yield "Time from one camera event to the next", partial(_draw_intervals, boot.events)
 
 
-def _flown(time_s: Floats, values: Floats) -> slice:
+def _select_flown(time_s: Floats, values: Floats) -> slice:
     """Return the rows of a curve (n, k) [m] from the first valid position on.
 
     Before a receiver or an estimator has a position, logs contain zeros or small numbers.
@@ -128,17 +128,17 @@ def _add_right_axis(axis: Axes) -> Axes:
     return right
 
 
-def _confirmed(events: CameraEvents) -> np.ndarray:
+def _mark_confirmed(events: CameraEvents) -> np.ndarray:
     return np.asarray(events.confirmed > 0)
 
 
 def _draw_track(summary: BootSummary, positions: PositionSamples, axis: Axes) -> None:
-    track = summary.track_m[_flown(positions.time_boot_s, summary.track_m)]
+    track = summary.track_m[_select_flown(positions.time_boot_s, summary.track_m)]
     axis.plot(*track.T, color=_BLUE, linewidth=1.2, label="track")
     axis.plot(*track[0], "s", color=_GREEN, markersize=6, label="first position")
     events = summary.boot.events
     if events is not None:
-        sure = _confirmed(events)
+        sure = _mark_confirmed(events)
         places = summary.event_track_m
         if sure.any():
             axis.scatter(
@@ -162,7 +162,7 @@ def _draw_track(summary: BootSummary, positions: PositionSamples, axis: Axes) ->
 
 def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
     time, height, home, events = positions.time_boot_s, positions.height_m, boot.home, boot.events
-    flown = _flown(time, height[:, None])
+    flown = _select_flown(time, height[:, None])
     time, within = time[flown], height[flown]
     axis.plot(time, within, color=_BLUE, linewidth=1.2, label="vehicle")
     if home is not None:
@@ -229,7 +229,7 @@ def _draw_intervals(events: CameraEvents, axis: Axes) -> None:
     apart = np.diff(events.time_boot_s)
     axis.vlines(events.time_boot_s[1:], 0.0, apart, color=_ORANGE, linewidth=1.2)
     axis.plot(events.time_boot_s[1:], apart, ".", color=_ORANGE, markersize=5)
-    missed = ~_confirmed(events)[1:]
+    missed = ~_mark_confirmed(events)[1:]
     if missed.any():
         axis.plot(
             events.time_boot_s[1:][missed], apart[missed], "x", color=_RED, markersize=8,

@@ -9,10 +9,10 @@ import numpy as np
 
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.naming import Units, counted, listed
+from uavgram.model.naming import Units, format_count, join_names
 from uavgram.model.planned import FlightPlanned
 from uavgram.views.formatting import KIND_WORDS
-from uavgram.views.units import spread_text, value_text
+from uavgram.views.units import format_sigma, format_value
 
 
 def metres(length_m: float) -> str:
@@ -157,7 +157,7 @@ def value_rows(planned: FlightPlanned, units: Units) -> tuple[ValueRow, ...]:
             ValueRow(
                 name=rows.name[k],
                 kind=KIND_WORDS.get(rows.kind[k], rows.kind[k]),
-                about=value_text(float(rows.value[k]), ROUGHLY * sigma, unit, units),
+                about=format_value(float(rows.value[k]), ROUGHLY * sigma, unit, units),
                 sigma=_spread(sigma, unit, units),
                 wanted=_spread(wanted, unit, units) if is_asked else "",
                 is_good=sigma <= wanted if is_asked else None,
@@ -167,7 +167,7 @@ def value_rows(planned: FlightPlanned, units: Units) -> tuple[ValueRow, ...]:
 
 
 def _spread(sigma: float, unit: str, units: Units) -> str:
-    return centimetres(sigma) if unit == "m" else spread_text(sigma, unit, units)
+    return centimetres(sigma) if unit == "m" else format_sigma(sigma, unit, units)
 
 
 def place_in_area(area_m: Floats, place_m: Floats) -> str:
@@ -225,12 +225,12 @@ LOGS = {
 def summarise_work(planned: FlightPlanned) -> str:
     """State the work in one sentence."""
     lines, photos = len(planned.lines.name), len(planned.frames.name)
-    lay = f"Lay and tape {counted(lines, 'line')}, then take" if lines else "Take"
+    lay = f"Lay and tape {format_count(lines, 'line')}, then take" if lines else "Take"
     if planned.plates.name:
-        plates = counted(len(planned.plates.name), "plate")
+        plates = format_count(len(planned.plates.name), "plate")
         lay = f"Lay {plates} of {plate_side(planned)}, then take"
     height = metres(planned.flight.height_m)
-    return f"{lay} {counted(photos, 'photo')} from {height} above the ground."
+    return f"{lay} {format_count(photos, 'photo')} from {height} above the ground."
 
 
 def plate_side(planned: FlightPlanned) -> str:
@@ -246,7 +246,7 @@ def describe_accuracy(planned: FlightPlanned) -> tuple[str, ...]:
     missed = asked & (wanted.sigma > wanted.wanted_sigma)
     if missed.any():
         names = [name for name, misses in zip(wanted.name, missed, strict=True) if misses]
-        told.append(f"Not as good as you wish, even if all goes well: {listed(names, None)}.")
+        told.append(f"Not as good as you wish, even if all goes well: {join_names(names, None)}.")
     elif asked.any():
         told.append("Everything will be as good as you wish, if all goes as planned.")
     sigma = planned.grid.sigma_m[np.isfinite(planned.grid.sigma_m)]
@@ -314,17 +314,17 @@ def describe_criterion(planned: FlightPlanned) -> str:
     return (
         f"{lie} the ± are smallest on average when each is compared with {against}, so other "
         f"places may have a smaller plain average. Each average ± here is the plain one"
-        f"{of_lengths(planned)}."
+        f"{specify_lengths(planned)}."
     )
 
 
-def of_lengths(planned: FlightPlanned) -> str:
+def specify_lengths(planned: FlightPlanned) -> str:
     """Specify that averages are of lengths, if there are other values too."""
     unit = planned.measurements.unit
     return " of the lengths" if "m" in unit and set(unit) != {"m"} else ""
 
 
-def unchecked_lines(planned: FlightPlanned) -> tuple[str, ...]:
+def find_unchecked_lines(planned: FlightPlanned) -> tuple[str, ...]:
     """Return the lines for which a wrong reading would not be detected."""
     lines = planned.lines
     weak = ~np.isfinite(lines.mdb_m) | (lines.redundancy < LOW_CHECK)
@@ -347,7 +347,7 @@ def describe_alternatives(planned: FlightPlanned) -> tuple[str, ...]:
     fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
     if fatal:
         told.append(
-            f"Without {listed(fatal, None)} the survey has no scale: if it "
+            f"Without {join_names(fatal, None)} the survey has no scale: if it "
             "cannot be laid, and nothing in its place, do not fly."
         )
     worst = int(np.nanargmax(without)) if np.isfinite(without).any() else 0

@@ -13,8 +13,8 @@ from uavgram.views.flight_plan import (
     describe_accuracy,
     describe_criterion,
     metres,
-    of_lengths,
     plate_rows,
+    specify_lengths,
     summarise_work,
 )
 from uavgram.views.formatting import number
@@ -48,7 +48,7 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
     if planned.measurements.name:
         shown += [align_columns([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
     mean = _sigma(planned, planned.mean_sigma)
-    shown.append(f"On average{of_lengths(planned)} expect ± {mean}. Other choices:")
+    shown.append(f"On average{specify_lengths(planned)} expect ± {mean}. Other choices:")
     shown += [f"  {_gain(planned, gain)}" for gain in planned.gains]
     messages = message_lines(planned.messages)
     shown += ["", text] if (text := describe_criterion(planned)) else []

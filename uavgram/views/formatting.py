@@ -194,7 +194,7 @@ def format_with_sigma(value: float, sigma: float, unit: str, units: Units = METR
     """
     if not math.isfinite(value):
         return NOT_COMPUTED
-    return shown_units.quantity(value, sigma, unit, units)
+    return shown_units.format_quantity(value, sigma, unit, units)
 
 
 def format_interval(low: float, high: float, sigma: float, unit: str, units: Units = METRIC) -> str:
@@ -213,7 +213,7 @@ def format_interval(low: float, high: float, sigma: float, unit: str, units: Uni
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         return "–"
-    return shown_units.values((low, high), sigma, unit, units, " to ")
+    return shown_units.format_values((low, high), sigma, unit, units, " to ")
 
 
 def alternatives_text(measurements: MeasurementResults, row: int, units: Units = METRIC) -> str:
@@ -231,7 +231,9 @@ def alternatives_text(measurements: MeasurementResults, row: int, units: Units =
     values, unit = measurements.alternative_values[row], measurements.unit[row]
     if not values:
         return ""
-    return f"or {shown_units.values(values, float(measurements.sigma[row]), unit, units, ', ')}"
+    return (
+        f"or {shown_units.format_values(values, float(measurements.sigma[row]), unit, units, ', ')}"
+    )
 
 
 class MeasurementText(NamedTuple):

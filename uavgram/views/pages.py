@@ -106,7 +106,7 @@ WORDS = (
 """Filters of the templates, by their names: numbers and texts are formatted as everywhere else."""
 
 
-def units_shown(result: Result) -> dict[str, object]:
+def make_unit_variables(result: Result) -> dict[str, object]:
     """Return the variables of a survey's template that define its units.
 
     Tables have the `length_unit` in their heads, and numbers by the filter `in_length_unit`. Texts
@@ -290,10 +290,10 @@ def convert_tables_to_text(html: str) -> str:
     A layout program measures each cell of a table three times but a line of text once: a page of
     correlations takes a tenth of the time of its table and looks the same.
     """
-    return _TABLE.sub(lambda found: _as_text(found[1]) or found[0], html)
+    return _TABLE.sub(lambda found: _convert_to_text(found[1]) or found[0], html)
 
 
-def _as_text(table: str) -> str:
+def _convert_to_text(table: str) -> str:
     """Convert a table to text; return an empty text if it has to remain a table."""
     rows = []
     for attributes, content in _ROW.findall(table):

@@ -36,7 +36,7 @@ from uavgram.views.survey.reliability import (
     line_limits,
 )
 from uavgram.views.survey.verdict import status_text
-from uavgram.views.units import spread_text, table_unit, units_of
+from uavgram.views.units import format_sigma, table_unit, units_of
 
 Place = Literal["terminal", "first page", "report", "annex", "recording"]
 TableName = Literal["measured", "lengths", "points"]
@@ -239,7 +239,7 @@ def _status(source: Source, row: int) -> Cell:
 def _sampled_sigma(source: Source, row: int) -> str:
     sampled = source.result.monte_carlo
     unit = source.result.measurements.unit[row]
-    return "–" if sampled is None else spread_text(float(sampled.sigma[row]), unit, source.units)
+    return "–" if sampled is None else format_sigma(float(sampled.sigma[row]), unit, source.units)
 
 
 def _sampled_interval(source: Source, row: int) -> str:

@@ -19,7 +19,7 @@ from uavgram.views.survey.text_placement import Letters
 from uavgram.views.terminal import align_columns
 from uavgram.views.units import decimals, display_unit
 
-MUCH = 1.5
+WRONG_RATIO = 1.5
 """Errors over stated sigmas above which a survey is called wrong instead of optimistic."""
 
 WORDS = {
@@ -138,7 +138,7 @@ def rate_sigmas(simulation: Simulation) -> VerdictLevel:
         return "red"
     bold = accuracy.z_range[known, 0] > 1.0
     if bold.any():
-        return "red" if float(np.median(accuracy.z[known])) > MUCH else "amber"
+        return "red" if float(np.median(accuracy.z[known])) > WRONG_RATIO else "amber"
     return "green"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from uavgram.model.frames import Frames, GeoTags, Pairing, Photos
 from uavgram.model.message import Message
 from uavgram.model.message_catalogue.lookup import entry_of
-from uavgram.model.naming import METRIC, Units, counted, listed
+from uavgram.model.naming import METRIC, Units, format_count, join_names
 from uavgram.model.result.result import Result
 from uavgram.stages.match import Matches, Pair
 from uavgram.views.formatting import (
@@ -23,7 +23,7 @@ from uavgram.views.formatting import (
 )
 from uavgram.views.result_tables import result_table
 from uavgram.views.survey.verdict import scale_sentence, verdict_sentence
-from uavgram.views.units import convert_sentence, units_of, value_text
+from uavgram.views.units import convert_sentence, format_value, units_of
 
 
 def measurement_table(result: Result, most: int = 0) -> str:
@@ -125,8 +125,8 @@ def truth_table(result: Result, truth: Mapping[str, float]) -> str:
                 name,
                 " ".join(rows.points[i]),
                 format_with_sigma(value, sigma, unit, units),
-                value_text(known, sigma, unit, units),
-                ("+" if off > 0 else "") + value_text(off, sigma, unit, units),
+                format_value(known, sigma, unit, units),
+                ("+" if off > 0 else "") + format_value(off, sigma, unit, units),
                 number(off / sigma, 1, signed=True),
             )
         )
@@ -197,7 +197,7 @@ def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METR
 MAX_NAMED = 8
 """Largest number of names in a line; the others are counted only."""
 
-ENOUGH = 3
+MIN_POSE_POINTS = 3
 """Number of points in a photo from which its pose depends on them and not on the log alone."""
 
 
@@ -205,12 +205,13 @@ def match_lines(done: Matches) -> list[str]:
     """List the matches of each photo, failed searches with reasons, and picks to make by hand."""
     found, missed = done.record.found, done.record.in_vain
     looked = len(found) + len(missed)
-    lines = [f"found:     {_found(len(found), looked, done)}"]
-    lines += _by_photo(found, missed)
+    lines = [f"found:     {_describe_finds(len(found), looked, done)}"]
+    lines += _count_by_photo(found, missed)
     lines += _reasons(missed)
     if done.not_sought:
         lines.append(
-            f"not looked for: {listed(done.not_sought, MAX_NAMED)}: their picks contradict each "
+            f"not looked for: {join_names(done.not_sought, MAX_NAMED)}: their picks contradict "
+            f"each "
             "other, or are not used in the adjustment, so no place is known: check them in "
             "`uavgram pick`; `uavgram run` gives the reason"
         )
@@ -224,15 +225,15 @@ def match_lines(done: Matches) -> list[str]:
         )
     if done.unplaced:
         lines.append(
-            f"not looked in: {listed(done.unplaced, MAX_NAMED)}: its pose is unknown; "
+            f"not looked in: {join_names(done.unplaced, MAX_NAMED)}: its pose is unknown; "
             "pick three points or more there"
         )
     return lines + _list_useful_picks(done)
 
 
-def _found(found: int, looked: int, done: Matches) -> str:
+def _describe_finds(found: int, looked: int, done: Matches) -> str:
     if looked:
-        return f"{found} of {looked} places, of {counted(len(done.labels), 'label')}"
+        return f"{found} of {looked} places, of {format_count(len(done.labels), 'label')}"
     if done.kept:
         return "no further search: earlier matches are kept"
     return "nothing was looked for: no other photo should show these labels"
@@ -248,7 +249,7 @@ def written_line(done: Matches) -> str:
     return line
 
 
-def _by_photo(found: Iterable[Pair], missed: Iterable[Pair]) -> list[str]:
+def _count_by_photo(found: Iterable[Pair], missed: Iterable[Pair]) -> list[str]:
     good = Counter(image for image, _ in found)
     every = good + Counter(image for image, _ in missed)
     width = max(map(len, every), default=0)
@@ -262,7 +263,7 @@ def _reasons(missed: dict[Pair, str]) -> list[str]:
     ordered = sorted(by_reason.items(), key=lambda one: -len(one[1]))
     return [
         "not found:",
-        *(f"  {len(places):>4}  {why}: {listed(places, MAX_NAMED)}" for why, places in ordered),
+        *(f"  {len(places):>4}  {why}: {join_names(places, MAX_NAMED)}" for why, places in ordered),
     ] * bool(by_reason)
 
 
@@ -271,10 +272,12 @@ def _list_useful_picks(done: Matches) -> list[str]:
     alone = [label for label, count in done.sightings.items() if count < 2]
     looked = {image for image, _ in (*done.record.found, *done.record.missed)}
     there = Counter(done.picks.image)
-    few = sorted(image for image in looked if there[image] < ENOUGH)
+    few = sorted(image for image in looked if there[image] < MIN_POSE_POINTS)
     lines = []
     if alone:
-        lines.append(f"  labels that one photo alone shows: {listed(alone, MAX_NAMED)}")
+        lines.append(f"  labels that one photo alone shows: {join_names(alone, MAX_NAMED)}")
     if few:
-        lines.append(f"  photos with fewer than {ENOUGH} points: {listed(few, MAX_NAMED)}")
+        lines.append(
+            f"  photos with fewer than {MIN_POSE_POINTS} points: {join_names(few, MAX_NAMED)}"
+        )
     return ["better picked by you (`uavgram pick`):", *lines] if lines else []

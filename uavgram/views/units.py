@@ -90,7 +90,7 @@ def decimals(sigma: float, one: DisplayUnit) -> int:
     return min(max(1 - math.floor(math.log10(sigma)), one.least), one.most)
 
 
-def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
+def format_quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
     """Format a value: ``12.345 ± 0.021 m``, ``40.502 ± 0.069 ft`` or ``40 ft 6 in ± 0.83 in``.
 
     Parameters
@@ -105,7 +105,7 @@ def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> st
     if not math.isfinite(value):
         return "–"
     if unit == "m" and units.length == "ft-in":
-        return _with_inches(value / INCH_M, sigma / INCH_M)
+        return _format_inches(value / INCH_M, sigma / INCH_M)
     one = display_unit(unit, units, value)
     places = decimals(sigma * one.factor, one)
     return (
@@ -113,7 +113,7 @@ def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> st
     )
 
 
-def value_text(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
+def format_value(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
     """Format a value alone, with the decimals that its sigma justifies: ``12.345 m``.
 
     Parameters
@@ -123,14 +123,14 @@ def value_text(value: float, sigma: float, unit: str, units: Units = METRIC) -> 
     sigma
         Its standard deviation, both in `unit`.
     unit, units
-        See `quantity`.
+        See `format_quantity`.
     """
     if not math.isfinite(value):
         return "–"
-    return values((value,), sigma, unit, units, "")
+    return format_values((value,), sigma, unit, units, "")
 
 
-def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
+def format_sigma(sigma: float, unit: str, units: Units = METRIC) -> str:
     """Format a standard deviation alone: ``0.021 m``.
 
     Parameters
@@ -138,7 +138,7 @@ def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
     sigma
         In `unit`; NaN: an en dash.
     unit, units
-        See `quantity`.
+        See `format_quantity`.
     """
     if not math.isfinite(sigma):
         return "–"
@@ -148,7 +148,9 @@ def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
     return f"{sigma * one.factor:.{decimals(sigma * one.factor, one)}f} {one.symbol}"
 
 
-def values(several: Iterable[float], sigma: float, unit: str, units: Units, between: str) -> str:
+def format_values(
+    several: Iterable[float], sigma: float, unit: str, units: Units, between: str
+) -> str:
     """Format values with the decimals that their sigma justifies: ``12.304 to 12.386 m``.
 
     Parameters
@@ -170,17 +172,17 @@ def values(several: Iterable[float], sigma: float, unit: str, units: Units, betw
     return f"{between.join(format_fixed(v * one.factor, places) for v in all_of)} {one.symbol}"
 
 
-def _with_inches(value_in: float, sigma_in: float) -> str:
+def _format_inches(value_in: float, sigma_in: float) -> str:
     spread = _spread_in(sigma_in)
     if abs(value_in) < INCHES and sigma_in < INCHES:
         return f"{format_fixed(value_in, _places_in(sigma_in))} ± {spread}"
-    return f"{feet_inches(value_in, step_in_of(sigma_in))} ± {spread}"
+    return f"{format_feet_inches(value_in, step_in_of(sigma_in))} ± {spread}"
 
 
 def _length_in(value_in: float, sigma_in: float) -> str:
     if abs(value_in) < INCHES and sigma_in < INCHES:
         return f"{format_fixed(value_in, _places_in(sigma_in))} in"
-    return feet_inches(value_in, step_in_of(sigma_in))
+    return format_feet_inches(value_in, step_in_of(sigma_in))
 
 
 def _spread_in(sigma_in: float) -> str:
@@ -203,7 +205,7 @@ def step_in_of(sigma_in: float) -> float:
     return next((step for most, step in _STEPS_IN if sigma_in < most), float(INCHES))
 
 
-def feet_inches(value_in: float, step_in: float, *, signed: bool = False) -> str:
+def format_feet_inches(value_in: float, step_in: float, *, signed: bool = False) -> str:
     """Format feet and inches: ``40 ft 6 1/8 in``; ``41 ft`` if only feet are known.
 
     Parameters
@@ -328,10 +330,10 @@ def exact_lengths(result: Result) -> tuple[float, ...]:
     values = [*lines.length_m, *lines.adjusted_m, *lines.residual_m, *lines.mdb_m]
     for unit, value, sigma in zip(measured.unit, measured.value, measured.sigma, strict=True):
         values += [value, sigma] if unit == "m" else []
-    return sorted_magnitudes(values)
+    return sort_magnitudes(values)
 
 
-def sorted_magnitudes(values: Iterable[float | None]) -> tuple[float, ...]:
+def sort_magnitudes(values: Iterable[float | None]) -> tuple[float, ...]:
     """Return the absolute values of the finite numbers, each once, ascending."""
     sizes = {abs(float(one)) for one in values if one is not None}
     return tuple(sorted(one for one in sizes if math.isfinite(one)))
@@ -381,7 +383,7 @@ def _convert(numbers: str, unit: str, units: Units, exact: Sequence[float]) -> s
     ):
         value, sigma = (one.value * _SCALES[unit] for one in read)
         sign = "+" if told[0].startswith("+") else ""
-        return sign + quantity(value, sigma, "m", units).replace("±", between[0].strip())
+        return sign + format_quantity(value, sigma, "m", units).replace("±", between[0].strip())
     return _one_by_one(read, between, unit, units)
 
 
@@ -407,7 +409,7 @@ def _one_by_one(told: list[_ExactNumber], between: list[str], unit: str, units: 
         one = display_unit("m/s" if unit in ("m/s", "km/h") else "m", units)
         factor, symbol = one.factor * _SCALES[unit], one.symbol
     places = max(_places(one, factor) for one in told)
-    words = [_rescaled(one, factor, places) for one in told]
+    words = [_rescale(one, factor, places) for one in told]
     return "".join(w + b for w, b in zip(words, [*between, ""], strict=True)) + f" {symbol}"
 
 
@@ -418,7 +420,7 @@ def _places(told: _ExactNumber, factor: float) -> int:
     return min(max(places, 1 - math.floor(math.log10(abs(value)))), 6) if value else places
 
 
-def _rescaled(told: _ExactNumber, factor: float, places: int) -> str:
+def _rescale(told: _ExactNumber, factor: float, places: int) -> str:
     value = told.value * factor
     return ("+" if told.text.startswith("+") and value else "") + format_fixed(value, places)
 
@@ -431,8 +433,8 @@ def _resolution(text: str) -> float:
 def _sentence_in(told: _ExactNumber, inches: float) -> str:
     value, exact = told.value * inches, _resolution(told.text) * inches
     if abs(value) < INCHES:
-        return f"{_rescaled(told, inches, _places(told, inches))} in"
+        return f"{_rescale(told, inches, _places(told, inches))} in"
     step = step_in_of(exact)
     while step > abs(value) / 10 and step > 1 / 16:
         step = 1.0 if step > 1.0 else step / 2
-    return feet_inches(value, step, signed=told.text.startswith("+"))
+    return format_feet_inches(value, step, signed=told.text.startswith("+"))

@@ -21,7 +21,7 @@ from uavgram.io.tables.known import read_known_points
 from uavgram.io.tables.picks import read_picks, read_ties
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.measure.tie_points import add_found_ties, are_missing
+from uavgram.pipeline.measure.tie_points import add_found_ties, are_ties_missing
 from uavgram.synthetic.accident_scene import SAMPLE_MARK
 
 
@@ -481,12 +481,12 @@ def test_ties_that_are_asked_for_and_missing_are_found_kept_and_read_again(
         tied_project.read_text(encoding="utf-8") + "ties: auto\n", encoding="utf-8"
     )
     inputs = read_inputs(tied_project, unfinished=True)
-    assert are_missing(inputs)
+    assert are_ties_missing(inputs)
 
     found = add_found_ties(inputs, pose_frames(inputs), write=True)
 
     again = read_inputs(tied_project, unfinished=True)
-    assert not are_missing(again)
+    assert not are_ties_missing(again)
     np.testing.assert_array_equal(again.ties.pixel_px, found.ties.pixel_px)
     assert table in again.files
     assert found.digests[-1] in again.digests

@@ -132,7 +132,7 @@ def _in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
         for number, item in enumerate(items):
             yield ItemOutcome(number, work(item), 1)
 
-    monkeypatch.setattr(batch, "in_workers", here)
+    monkeypatch.setattr(batch, "run_in_workers", here)
 
 
 @pytest.fixture(scope="module")

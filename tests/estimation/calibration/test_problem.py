@@ -44,7 +44,7 @@ def test_derivatives_equal_central_differences(name: str) -> None:
     scale[lens.full_basis[:2].any(axis=0) | lens.full_basis[2:4].any(axis=0)] = 100.0
 
     def residual(step: Floats) -> Floats:
-        moved = state.moved(lens, step[:q] * scale, np.tile(step[q:], (3, 1)))
+        moved = state.apply_step(lens, step[:q] * scale, np.tile(step[q:], (3, 1)))
         there = linearise(lens, corners, moved)
         assert there is not None
         return there.residual

@@ -56,7 +56,7 @@ def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it() -> No
     for photo, row in ((0, 0), (3, 20), (5, 53)):
         weight = fit.corners.weight.copy()
         weight[photo, row] = 0
-        rest = adjust(fit.lens, fit.corners.weighted(weight), fit.state)
+        rest = adjust(fit.lens, fit.corners.replace_weights(weight), fit.state)
         assert tests.w[photo, row] ** 2 == pytest.approx(fit.cost - rest.cost, rel=2e-3, abs=1e-3)
 
 

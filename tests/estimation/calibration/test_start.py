@@ -98,7 +98,7 @@ def test_a_board_in_the_wrong_one_of_its_two_poses_is_turned() -> None:
     scene = scenes.make_scene(4, PINHOLE, photos=8, noise=0.05)
     lens, corners = make_lens(CalibrationOptions()), pad(scene.observations, "flat")
     good = adjust(lens, corners, estimate_first_values(lens, corners, scenes.SIZE)).state
-    wrong = mirror_poses(good).where(np.arange(8) == 3, good)
+    wrong = mirror_poses(good).choose_poses(np.arange(8) == 3, good)
     assert np.abs(wrong.camera_from_board - good.camera_from_board).max() > 0.1
     found = choose_better_pose(lens, corners, wrong)
     np.testing.assert_allclose(found.camera_from_board, good.camera_from_board, atol=1e-5)

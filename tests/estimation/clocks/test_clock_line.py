@@ -10,10 +10,10 @@ from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import (
     BOOT_DRIFT_SIGMA,
     ClockLine,
+    convert_boot_to_utc,
+    convert_utc_to_boot,
     fit_boot_clock,
     fit_lower_envelope,
-    to_boot,
-    to_utc,
 )
 from uavgram.estimation.clocks.clock_line import fit_line as fit_any_line
 from uavgram.model.arrays import Floats
@@ -154,7 +154,9 @@ def test_a_log_without_any_utc_is_refused_with_the_way_out() -> None:
 
 def test_both_ways_of_the_clock_are_inverse() -> None:
     clock, _ = fit_boot_clock(boot(gps=EPOCH + TIME * (1 + 1e-4)))
-    assert to_boot(clock, to_utc(clock, TIME)) == pytest.approx(TIME, abs=1e-6)
+    assert convert_utc_to_boot(clock, convert_boot_to_utc(clock, TIME)) == pytest.approx(
+        TIME, abs=1e-6
+    )
 
 
 def test_the_real_cuav_clock_is_the_receive_clock(data_dir: Path) -> None:

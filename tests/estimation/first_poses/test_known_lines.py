@@ -10,7 +10,7 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.first_poses.known_lines import make_rotations, poses_from_lines
+from uavgram.estimation.first_poses.known_lines import find_poses_from_lines, make_rotations
 from uavgram.estimation.first_poses.resection import LineRows, move_poses
 from uavgram.estimation.solver.batched import ExplicitProblem, minimise_each
 from uavgram.synthetic.pose_methods import (
@@ -36,7 +36,7 @@ def weighed(scenes: MethodScenes) -> LineRows:
 
 
 def test_exact_lines_give_the_pose_back_above_the_ground(exact: MethodScenes) -> None:
-    ends = poses_from_lines(weighed(exact))
+    ends = find_poses_from_lines(weighed(exact))
 
     np.testing.assert_allclose(ends.state[0][:, 0], exact.center, atol=1e-4)
     np.testing.assert_allclose(ends.state[1][:, 0], exact.rotation, atol=1e-5)

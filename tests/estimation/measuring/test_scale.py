@@ -44,7 +44,7 @@ def test_the_rest_knows_the_scale_as_well_as_a_tape_that_nobody_knows(
     unknown = adjusted(of_unknown)
     at = unknown.problem.layout.first_tape
     # 1 / sigma^2 of the scale = what the rest knows, once the readings' own noise is taken away
-    sigma = float(np.sqrt(unknown.shared(at, 1)[0, 0]))
+    sigma = float(np.sqrt(unknown.shared_covariance(at, 1)[0, 0]))
 
     found = compute_scale_sigmas(adjusted(of_known))
     assert found.others == pytest.approx(sigma, rel=0.02)

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.repeated.photo_step import rotate
-from uavgram.estimation.solver.batched import backward, cholesky, forward
+from uavgram.estimation.solver.batched import cholesky, solve_lower, solve_lower_transposed
 
 
 def test_factors_and_solutions_are_those_of_numpy() -> None:
@@ -17,7 +17,7 @@ def test_factors_and_solutions_are_those_of_numpy() -> None:
     right = rng.standard_normal((40, 6, 3))
     lower = cholesky(matrix.transpose(1, 2, 0))
     assert np.allclose(lower.transpose(2, 0, 1), np.linalg.cholesky(matrix), atol=1e-12)
-    solved = backward(lower, forward(lower, right.transpose(1, 2, 0)))
+    solved = solve_lower_transposed(lower, solve_lower(lower, right.transpose(1, 2, 0)))
     assert np.allclose(solved.transpose(2, 0, 1), np.linalg.solve(matrix, right), rtol=1e-9)
 
 

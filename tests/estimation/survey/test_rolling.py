@@ -93,7 +93,7 @@ def test_the_motion_is_that_of_the_camera(exact: Scene) -> None:
 def test_the_adjustment_finds_it_and_predicts_the_pixels(exact: Scene) -> None:
     adjustment = refine(exact.survey, SolveOptions())[0].adjustment
     survey = adjustment.survey
-    sigma = np.sqrt(adjustment.shared(adjustment.problem.layout.first_readout, 1)[0, 0])
+    sigma = np.sqrt(adjustment.shared_covariance(adjustment.problem.layout.first_readout, 1)[0, 0])
 
     assert abs(adjustment.state.readout[0] - READOUT_S) < sigma  # drawn to its prior
     assert sigma < 0.02

@@ -13,11 +13,11 @@ from scipy.stats import chi2
 from uavgram.geometry.ground.figures import (
     ELLIPSE_95,
     ELLIPSOID_95,
-    contains,
-    crosses,
     error_ellipse,
     error_ellipsoid,
     find_long_axis,
+    mark_crossing_segments,
+    mark_points_inside,
     orient_counterclockwise,
     signed_area,
     squares_on_plane,
@@ -38,7 +38,9 @@ def star(rng: np.random.Generator, corners: int = 9) -> Floats:
 def test_points_inside_are_those_of_matplotlib(seed: int) -> None:
     rng = np.random.default_rng(seed)
     corner, point = star(rng), rng.uniform(-10, 10, (3000, 2))
-    np.testing.assert_array_equal(contains(corner, point), Outline(corner).contains_points(point))
+    np.testing.assert_array_equal(
+        mark_points_inside(corner, point), Outline(corner).contains_points(point)
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -49,7 +51,7 @@ def test_what_crosses_has_a_point_inside(seed: int) -> None:
     share = np.linspace(0, 1, 2001)[:, None, None]
     along = (start + share * (end - start)).reshape(-1, 2)
     inside = Outline(corner).contains_points(along).reshape(2001, -1).any(axis=0)
-    different = inside != crosses(corner, start, end)
+    different = inside != mark_crossing_segments(corner, start, end)
     assert different.mean() < 0.01  # such as cut a corner between two steps
     assert not (inside & different).any()
 

@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from uavgram.geometry.ground.plane import (
     choose_knots,
     compute_end_components,
-    correlated_basis,
     differentiate_by_ends,
     differentiate_by_plane,
+    evaluate_correlated_basis,
+    evaluate_quadratic_basis,
     fit_robust_plane,
     intersect_ground,
     intersect_ground_with_jacobian,
     knots_root,
     lengths_on_plane,
     pose_above_plane,
-    quadratic_basis,
 )
 from uavgram.model.arrays import Floats
 
@@ -267,13 +267,13 @@ ROOT = knots_root(KNOTS, 9.0)
 def test_the_slopes_equal_central_differences(kind: str) -> None:
     def value(places: Floats) -> Floats:
         if kind == "quadratic":
-            return quadratic_basis(places, np.array([1.0, -3.0]), 7.0).value
-        return correlated_basis(places, KNOTS, 9.0, ROOT).value
+            return evaluate_quadratic_basis(places, np.array([1.0, -3.0]), 7.0).value
+        return evaluate_correlated_basis(places, KNOTS, 9.0, ROOT).value
 
     basis = (
-        quadratic_basis(PLACES, np.array([1.0, -3.0]), 7.0)
+        evaluate_quadratic_basis(PLACES, np.array([1.0, -3.0]), 7.0)
         if kind == "quadratic"
-        else correlated_basis(PLACES, KNOTS, 9.0, ROOT)
+        else evaluate_correlated_basis(PLACES, KNOTS, 9.0, ROOT)
     )
     for axis in range(2):
         step = np.zeros(2)
@@ -283,18 +283,21 @@ def test_the_slopes_equal_central_differences(kind: str) -> None:
 
 
 def test_heights_at_the_knots_have_the_covariance_of_their_distances() -> None:
-    value = correlated_basis(KNOTS, KNOTS, 9.0, ROOT).value
+    value = evaluate_correlated_basis(KNOTS, KNOTS, 9.0, ROOT).value
     distance = np.linalg.norm(KNOTS[:, None] - KNOTS[None], axis=2)
 
     np.testing.assert_allclose(value @ value.T, np.exp(-((distance / 9.0) ** 2) / 2), atol=1e-7)
 
 
 def test_far_from_all_knots_there_is_no_relief() -> None:
-    assert np.abs(correlated_basis(np.array([[500.0, 0.0]]), KNOTS, 9.0, ROOT).value).max() < 1e-12
+    assert (
+        np.abs(evaluate_correlated_basis(np.array([[500.0, 0.0]]), KNOTS, 9.0, ROOT).value).max()
+        < 1e-12
+    )
 
 
 def test_a_quadratic_surface_is_a_known_polynomial() -> None:
-    basis = quadratic_basis(np.array([[11.0, 4.0]]), np.array([1.0, -1.0]), 5.0)
+    basis = evaluate_quadratic_basis(np.array([[11.0, 4.0]]), np.array([1.0, -1.0]), 5.0)
 
     np.testing.assert_allclose(basis.value, [[4.0, 4.0, 1.0]])
 

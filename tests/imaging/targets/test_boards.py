@@ -17,9 +17,9 @@ from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.boards import (
     charuco_board,
     collect_observations,
+    detect_charuco,
     dictionary_size,
     draw_board,
-    sight_charuco,
 )
 from uavgram.imaging.targets.corners import Sighting
 from uavgram.model.arrays import Floats
@@ -37,7 +37,7 @@ def test_corners_are_where_they_are_projected(
     charuco: Board, shoot: Callable[..., tuple[Image, Floats]], model: LensModel, sensor: Sensor
 ) -> None:
     photo, truth = shoot(charuco, model, 0, sensor)
-    seen = sight_charuco(photo, charuco)
+    seen = detect_charuco(photo, charuco)
     assert len(seen.corner) >= 30
     error = seen.pixel_px - truth[seen.corner]
     assert np.sqrt(np.mean(error**2)) < 0.03
@@ -50,7 +50,7 @@ def test_any_part_of_the_board_keeps_its_numbers(
     photo, truth = shoot(
         charuco, "brown", 0, tilt_deg=15, roll_deg=0, distance_m=0.2, shift_m=(0.1, 0.05)
     )
-    seen = sight_charuco(photo, charuco)
+    seen = detect_charuco(photo, charuco)
     assert 8 <= len(seen.corner) < 35
     assert np.abs(seen.pixel_px - truth[seen.corner]).max() < 0.1
 
@@ -71,7 +71,7 @@ def test_another_layout_is_told_by_its_size(
         squares[0] - 1, squares[1] - 1, 0.03, kind="charuco", marker_m=0.022,
         dictionary="DICT_5X5_100",
     )  # fmt: skip
-    seen = sight_charuco(photo, asked)
+    seen = detect_charuco(photo, asked)
     assert seen.is_other_board
     assert seen.found_size == (7, 5)
 
@@ -81,7 +81,7 @@ def test_another_dictionary_is_no_board(
 ) -> None:
     photo, _ = shoot(charuco, "brown", 0)
     other = flat_board(7, 5, 0.03, kind="charuco", marker_m=0.022, dictionary="DICT_4X4_100")
-    assert len(sight_charuco(photo, other).corner) == 0
+    assert len(detect_charuco(photo, other).corner) == 0
 
 
 def test_dictionaries_have_opencvs_sizes() -> None:

@@ -14,7 +14,7 @@ from board_photos import Sensor, look, photograph, true_corners
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets import chessboard as module
 from uavgram.imaging.targets.boards import collect_observations, detect_in_photos
-from uavgram.imaging.targets.chessboard import sight_chessboard
+from uavgram.imaging.targets.chessboard import detect_chessboard
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats
 from uavgram.model.board import Board, LensSetting, flat_board
@@ -27,7 +27,7 @@ def test_every_corner_of_a_rendered_board_has_its_number_and_its_place(
     chessboard: Board, shoot: Callable[..., tuple[Image, Floats]], model: LensModel, k: int
 ) -> None:
     photo, truth = shoot(chessboard, model, k, Sensor(0.7, 2.0, 0.3, jpeg_quality=90))
-    seen = sight_chessboard(photo, chessboard)
+    seen = detect_chessboard(photo, chessboard)
     assert seen.corner.tolist() == list(range(54))
     assert seen.found_size == (9, 6)
     error = seen.pixel_px - truth
@@ -39,7 +39,7 @@ def test_corners_are_nearer_to_the_truth_than_the_sector_detectors_own(
     chessboard: Board, shoot: Callable[..., tuple[Image, Floats]]
 ) -> None:
     photo, truth = shoot(chessboard, "brown", 1)
-    ours = sight_chessboard(photo, chessboard).pixel_px - truth
+    ours = detect_chessboard(photo, chessboard).pixel_px - truth
     found, corners = cv2.findChessboardCornersSB(photo, (9, 6), flags=cv2.CALIB_CB_ACCURACY)
     assert found
     corners = corners.reshape(-1, 2)
@@ -58,7 +58,7 @@ def test_a_large_photo_searched_on_a_reduced_copy_is_measured_at_full_size(
     seen = []
     for width in (550, max(size)):
         monkeypatch.setattr(module, "WIDTHS_PX", (width,))
-        seen.append(sight_chessboard(photo, chessboard))
+        seen.append(detect_chessboard(photo, chessboard))
     reduced, whole = seen
     assert len(reduced.corner) == len(whole.corner) == 54
     errors = [np.sqrt(np.mean((seen.pixel_px - truth) ** 2)) for seen in seen]
@@ -72,7 +72,7 @@ def test_a_board_that_is_cut_by_the_image_is_numbered_from_its_first_corner(
     photo, truth = shoot(
         chessboard, "brown", 0, tilt_deg=10, roll_deg=0, distance_m=0.22, shift_m=(0.09, 0.0)
     )
-    seen = sight_chessboard(photo, chessboard)
+    seen = detect_chessboard(photo, chessboard)
     assert seen.found_size is not None
     assert not seen.is_other_board
     assert seen.found_size != (9, 6)
@@ -90,7 +90,7 @@ def test_a_larger_board_is_another_board_and_its_size_is_said(
     chessboard: Board, shoot: Callable[..., tuple[Image, Floats]]
 ) -> None:
     photo, _ = shoot(chessboard, "brown", 0)
-    seen = sight_chessboard(photo, flat_board(7, 5, 0.025))
+    seen = detect_chessboard(photo, flat_board(7, 5, 0.025))
     assert seen.is_other_board
     assert seen.found_size == (9, 6)
     assert len(seen.corner) == 0
@@ -100,7 +100,7 @@ def test_a_photo_without_a_board_holds_no_corner(chessboard: Board) -> None:
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 255, (480, 640)).astype(np.uint8)
     photo = np.asarray(cv2.GaussianBlur(noise, (0, 0), 2.0), np.uint8)
-    seen = sight_chessboard(photo, chessboard)
+    seen = detect_chessboard(photo, chessboard)
     assert len(seen.corner) == 0
     assert seen.found_size is None
 
@@ -110,7 +110,7 @@ def test_numbers_turn_with_the_board_but_are_never_mirrored(
 ) -> None:
     for roll in (90, 180):
         photo, truth = shoot(chessboard, "brown", 0, roll_deg=roll)
-        seen = sight_chessboard(photo, chessboard)
+        seen = detect_chessboard(photo, chessboard)
         np.testing.assert_allclose(seen.pixel_px, truth, atol=0.1)
 
 

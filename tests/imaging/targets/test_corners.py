@@ -12,7 +12,7 @@ from board_photos import Sensor
 
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets import corners
-from uavgram.imaging.targets.chessboard import grow_grid, sight_chessboard
+from uavgram.imaging.targets.chessboard import detect_chessboard, grow_grid
 from uavgram.imaging.targets.corners import (
     SIGMA_FLOOR_PX,
     cut_windows,
@@ -203,7 +203,7 @@ def test_a_seed_that_reaches_beyond_the_edge_is_grown(squares: Image) -> None:
 @pytest.mark.parametrize("cut", [np.s_[287:808, 68:1193]])
 def test_a_real_board_cut_by_the_edge_is_seen(data_dir: Path, cut: tuple[slice, slice]) -> None:
     photo = read_grey(data_dir / "gopro_board" / "GOPR0038.jpg")
-    sight_chessboard(np.ascontiguousarray(photo[cut]), flat_board(8, 6, 0.025))
+    detect_chessboard(np.ascontiguousarray(photo[cut]), flat_board(8, 6, 0.025))
 
 
 def test_a_photo_is_found_the_same_whatever_was_found_before(data_dir: Path) -> None:
@@ -213,5 +213,5 @@ def test_a_photo_is_found_the_same_whatever_was_found_before(data_dir: Path) -> 
     counts = set()
     for state in (0, 1):
         cv2.setRNGSeed(state)
-        counts.add(len(sight_chessboard(photo, board).corner))
+        counts.add(len(detect_chessboard(photo, board).corner))
     assert len(counts) == 1

@@ -277,7 +277,7 @@ def test_pixels_of_cells_are_those_of_each_place(result: Result, cell: int) -> N
 
     row, column = (np.arange(count * cell) + 0.5 for count in grid.shape)
     world = grid.world(*np.meshgrid(column, row))
-    exact, anywhere = grid.pixels_in(cameras, 0, world), grid._projected(cameras, 0, world)
+    exact, anywhere = grid.pixels_in(cameras, 0, world), grid._project_points(cameras, 0, world)
     last = [result.camera.width_px - 1, result.camera.height_px - 1]
     at_edge = np.minimum(np.abs(anywhere), np.abs(anywhere - last)).min(axis=-1) < 0.02
     assert 0.1 < np.isfinite(exact).mean() < 0.9

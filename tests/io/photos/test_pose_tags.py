@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.photos.metadata import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
-from uavgram.io.photos.pose_tags import TagPose, _without_zero_angles, first_maker, read_photo_tags
+from uavgram.io.photos.pose_tags import TagPose, _remove_zero_angles, first_maker, read_photo_tags
 from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.model.frames import PhotoPoses
 from uavgram.model.message import Message
@@ -152,7 +152,7 @@ def test_memory_grows_with_the_number_of_photos_only() -> None:
         for k in range(20_000)
     ]
     tracemalloc.start()
-    kept, messages = _without_zero_angles(tuple(f"{k}.jpg" for k in range(20_000)), poses)
+    kept, messages = _remove_zero_angles(tuple(f"{k}.jpg" for k in range(20_000)), poses)
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
 

@@ -11,7 +11,7 @@ from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import (
     BY_HAND,
-    ENOUGH,
+    MIN_LIKE_PHOTOS,
     Outcome,
     make_accept_command,
     refuse,
@@ -94,9 +94,11 @@ def test_what_is_refused_is_asked_for_and_once_more_is_not() -> None:
 
 
 def test_a_match_is_sure_where_enough_photos_show_its_surroundings_alike() -> None:
-    images = [f"{k}.jpg" for k in range(2, 3 + ENOUGH)]
-    alike = {(image, "A"): replace(found(image), is_alike=True) for image in images[:ENOUGH]}
-    rest = {(image, "A"): found(image) for image in images[ENOUGH:]}
+    images = [f"{k}.jpg" for k in range(2, 3 + MIN_LIKE_PHOTOS)]
+    alike = {
+        (image, "A"): replace(found(image), is_alike=True) for image in images[:MIN_LIKE_PHOTOS]
+    }
+    rest = {(image, "A"): found(image) for image in images[MIN_LIKE_PHOTOS:]}
 
     assert select_certain(alike | rest) == set(alike)
     alike.pop((images[0], "A"))

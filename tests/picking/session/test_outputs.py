@@ -63,6 +63,6 @@ def test_a_file_beside_a_locked_one_is_shown_in_its_place(tmp_path: Path) -> Non
         os.utime(tmp_path / name, (k, k))
     outputs = Outputs(tmp_path)
     assert outputs.read("report.html") == b"report.newer.html"
-    assert outputs.listed() == [{"name": "report.html", "words": "Report: report.newer.html"}]
+    assert outputs.list_files() == [{"name": "report.html", "words": "Report: report.newer.html"}]
     os.utime(tmp_path / "report.html", (2, 2))
     assert outputs.read("report.html") == b"report.html"

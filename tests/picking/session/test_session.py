@@ -39,7 +39,7 @@ from uavgram.pipeline.pick.live_survey import (
     Observations,
     make_side_view,
 )
-from uavgram.views.units import quantity
+from uavgram.views.units import format_quantity
 
 POOR = Condition(labels=7, photos=3, picked_share=1.0, radius_m=10.0)
 ORDER: tuple[VerdictLevel, ...] = ("green", "amber", "red")
@@ -233,7 +233,7 @@ def test_heights_follow_a_drag_to_first_order(
     assert quick_m == pytest.approx(after, abs=0.03 * abs(after - before))
     assert set(told["heights"]) == {FREE}
     sigma = float(adjusted.result.points.height_sigma_m[row])
-    assert told["heights"][FREE]["height"](METRIC) == quantity(float(quick_m), sigma, "m")
+    assert told["heights"][FREE]["height"](METRIC) == format_quantity(float(quick_m), sigma, "m")
 
 
 def test_a_side_view_has_the_numbers_of_a_profile(adjusted: LiveAdjustment) -> None:

@@ -109,7 +109,7 @@ def test_nothing_is_read_through_a_link_among_the_outputs(project: Path) -> None
     assert {name: outputs.read(name) for name in FILES if outputs.read(name) is not None} == {
         "measurements.csv": b"name,value\n"
     }
-    assert [one["name"] for one in outputs.listed()] == ["measurements.csv"]
+    assert [one["name"] for one in outputs.list_files()] == ["measurements.csv"]
     assert outputs.made_of is None
     assert not outputs.has_recording
     with pytest.raises(InputError, match="is not there yet"):

@@ -245,7 +245,7 @@ def test_a_kill_between_two_tables_loses_and_doubles_nothing(
 
     monkeypatch.setattr(Tables, "_write", write)
     if tables_written == 3:
-        monkeypatch.setattr(Journal, "saved", lambda _: (_ for _ in ()).throw(Killed()))
+        monkeypatch.setattr(Journal, "record_save", lambda _: (_ for _ in ()).throw(Killed()))
     with pytest.raises(Killed):
         work.save()
     monkeypatch.undo()

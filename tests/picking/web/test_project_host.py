@@ -235,7 +235,7 @@ def test_a_home_is_no_flight_for_the_photos_in_its_folders(tmp_path: Path) -> No
     home = tmp_path / "home"
     named = FolderChooser(home, roots=(home,))
     assert named.beginning()["is_chosen"] is False
-    top = named.listed(str(named.beginning()["folder"]))
+    top = named.list_folders(str(named.beginning()["folder"]))
     assert (top["photos"], top["is_flight"]) == (1, False)
     assert [(one["name"], one["is_flight"]) for one in top["folders"]] == [
         ("case", True),
@@ -243,7 +243,7 @@ def test_a_home_is_no_flight_for_the_photos_in_its_folders(tmp_path: Path) -> No
     ]
     case = FolderChooser(home / "case", roots=(home,))
     assert case.beginning()["is_chosen"] is True
-    inside = case.listed(str(case.beginning()["folder"]))
+    inside = case.list_folders(str(case.beginning()["folder"]))
     assert (inside["photos"], inside["are_inner"], inside["is_flight"]) == (1, True, True)
     (home / "own.jpg").write_bytes(b"x")
     assert FolderChooser(home, roots=(home,)).beginning()["is_chosen"] is True

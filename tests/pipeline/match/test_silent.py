@@ -38,7 +38,7 @@ def test_what_moved_beside_its_line_of_sight_says_nothing_of_a_height(
     u, v = (PREDICTED + way).tolist()
     found = Found(0, (u, v), 0.1, 0.9, 8.0)
 
-    assert is_told(found.missed(CONTRADICTED)) is expected
+    assert is_told(found.revoke(CONTRADICTED)) is expected
 
 
 def test_the_end_of_a_photo_says_nothing_and_another_thing_there_does() -> None:

@@ -63,7 +63,7 @@ def test_a_place_that_is_predicted_much_worse_waits_for_better_poses() -> None:
 def test_a_place_in_vain_is_tried_again_from_another_pick_or_when_its_region_has_halved() -> None:
     wide = float(np.sqrt(REGION_SQUARED)) * 2.0
     assert compute_radii(4.0 * np.eye(2)[None])[0] == np.float64(wide)
-    record = Record().with_results({A: Missed(0, wide, "several places look like it")})
+    record = Record().add_results({A: Missed(0, wide, "several places look like it")})
 
     assert chosen([2.0], [1.0], [A], record) == []
     assert chosen([1.2], [1.0], [A], record) == []
@@ -72,19 +72,21 @@ def test_a_place_in_vain_is_tried_again_from_another_pick_or_when_its_region_has
 
 
 def test_what_was_found_is_not_looked_for_until_it_is_contradicted() -> None:
-    found = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
+    found = Record().add_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
     assert chosen([5.0, 5.0], [1.0, 1.0], [A, B], found) == [1]
 
-    back = found.without({A: CONTRADICTED})
+    back = found.revoke_finds({A: CONTRADICTED})
     assert not back.found
     assert chosen([5.0], [1.0], [A], back) == []
     assert chosen([0.5], [1.0], [A], back) == [0]
 
 
 def test_a_contradiction_outlasts_the_reasons_of_later_tries() -> None:
-    record = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
-    record = record.without({A: CONTRADICTED}).with_results({A: Missed(0, 2.0, "nothing there")})
-    record = record.with_results({B: Missed(0, 2.0, "first"), A: Missed(0, 1.0, "last")})
+    record = Record().add_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
+    record = record.revoke_finds({A: CONTRADICTED}).add_results(
+        {A: Missed(0, 2.0, "nothing there")}
+    )
+    record = record.add_results({B: Missed(0, 2.0, "first"), A: Missed(0, 1.0, "last")})
 
     assert record.in_vain == {A: CONTRADICTED, B: "first"}
 
@@ -93,7 +95,7 @@ def test_what_stands_off_the_ground_waits_until_the_ground_is_done() -> None:
     roof = "a.jpg", "roof"
     assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof]) == [0]
 
-    done = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
+    done = Record().add_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
     assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof], done) == [1]
 
 
@@ -103,8 +105,8 @@ def test_a_label_of_unknown_height_is_looked_for_along_the_line_of_one_pick_afte
     alike = [1.5, 1.5, 1.5, 1.1, 1.1, 1.1, 1.0]
     candidates = Candidates(places([3.0] * 7, alike), (*roofs, A), picks, alone, alone)
     every, nothing = np.ones(7, np.bool_), Missed(1, 9.0, "nothing there looks like it")
-    some = Record().with_results({roofs[0]: nothing})
-    record = Record().with_results(dict.fromkeys(roofs[:3], nothing))
+    some = Record().add_results({roofs[0]: nothing})
+    record = Record().add_results(dict.fromkeys(roofs[:3], nothing))
 
     assert choose_next_places(candidates, every, Record()).tolist() == [6]
     assert choose_lines(candidates, every, Record()).tolist() == [3, 4, 5]

@@ -126,7 +126,7 @@ def test_the_overview_has_most_of_the_measured_points() -> None:
         if kind != "coordinate" and np.isfinite(value)
         for label in labels
     }
-    seen = module._seen(made)
+    seen = module._group_pixels_by_frame(made)
     counts = {frame: len(wanted & one.lies.keys()) for frame, one in seen.items()}
 
     assert counts[regions[0].frame] == max(counts.values()) > 0

@@ -9,7 +9,7 @@ import synthetic_survey
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import PAPER_MM, Plan
-from uavgram.stages.products.plan_sheets import FOOT_STEPS, lay_plan, surveyed_extent
+from uavgram.stages.products.plan_sheets import FOOT_STEPS, find_surveyed_extent, lay_plan
 
 
 def ground(east_m: float, north_m: float) -> tuple[Floats, Floats]:
@@ -65,7 +65,7 @@ def test_too_many_sheets_are_refused_with_the_scale_that_fits() -> None:
 
 def test_what_was_measured_lies_in_the_extent_too() -> None:
     result = synthetic_survey.build()
-    low, high = surveyed_extent(result)
+    low, high = find_surveyed_extent(result)
     place = result.points.position_world_m[:, :2]
 
     assert (low < place.min(axis=0)).all()

@@ -39,7 +39,7 @@ from uavgram.model.survey import Survey
 from uavgram.stages.refine import gross_errors, robust_adjustment
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import Participants, find_best_minima
-from uavgram.stages.refine.robust_adjustment import NEARLY_NONE
+from uavgram.stages.refine.robust_adjustment import ZERO_WEIGHT
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
 SURVEYS, OF_PHOTOS = max(4, AT_LEAST), max(1, AT_LEAST)
@@ -91,7 +91,7 @@ def information(blocks: Mapping[str, Block], unknowns: int) -> Floats:
     return total
 
 
-@pytest.mark.parametrize("weight", [1.0, 0.3, NEARLY_NONE])
+@pytest.mark.parametrize("weight", [1.0, 0.3, ZERO_WEIGHT])
 @pytest.mark.parametrize("kind", ["pixels", "lengths", "telemetry"])
 def test_the_misfit_is_that_against_the_prediction_of_all_others(kind: str, weight: float) -> None:
     """Of any weight: the error of what the others predict, over its own covariance."""
@@ -102,8 +102,8 @@ def test_the_misfit_is_that_against_the_prediction_of_all_others(kind: str, weig
     for row in (0, 2):
         own = np.ones(len(whole[kind].residual))
         own[row] = weight
-        minimum = robust_adjustment.weighted_minimum(problem, start, {kind: own})
-        found = robust_adjustment.squared_misfits(problem, minimum, {kind: own})[kind][row]
+        minimum = robust_adjustment.minimise_weighted_cost(problem, start, {kind: own})
+        found = robust_adjustment.compute_squared_misfits(problem, minimum, {kind: own})[kind][row]
 
         unknowns = problem.layout.size
         full = problem.evaluate(minimum.state)
@@ -168,7 +168,7 @@ class Counted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ordinary, self.weighted = 0, 0
-        adjust, weigh = find_best_minima, robust_adjustment.weighted_minimum
+        adjust, weigh = find_best_minima, robust_adjustment.minimise_weighted_cost
 
         def best(taking: Participants) -> Refined:
             self.ordinary += 1
@@ -184,8 +184,8 @@ class Counted:
             return weigh(problem, state, weight, softness)
 
         monkeypatch.setattr(gross_errors, "find_best_minima", best)
-        monkeypatch.setattr(gross_errors, "weighted_minimum", weighted)
-        monkeypatch.setattr(robust_adjustment, "weighted_minimum", weighted)
+        monkeypatch.setattr(gross_errors, "minimise_weighted_cost", weighted)
+        monkeypatch.setattr(robust_adjustment, "minimise_weighted_cost", weighted)
 
 
 @BOTH
@@ -266,8 +266,8 @@ def test_labels_swapped_in_a_photo_that_misleads_all_first_values_leave_alone(
     """The photo returns by those of its picks that agree on a pose."""
     scene = make_scene(3, **BASES[base])
     survey, wrong = swapped_in_one_photo(scene)
-    monkeypatch.setattr(gross_errors, "_from_softened", lambda _: iter(()))
-    monkeypatch.setattr(gross_errors, "_without_references", lambda *_: iter(()))
+    monkeypatch.setattr(gross_errors, "_adjust_from_softened", lambda _: iter(()))
+    monkeypatch.setattr(gross_errors, "_try_without_references", lambda *_: iter(()))
     found = adjust_robustly(all_of(survey))
 
     assert frozenset(found.refined.pick_reason) == wrong

@@ -120,7 +120,7 @@ def test_ties_that_are_gone_leave_what_they_said_to_the_others(
 ) -> None:
     ties = waves[1].ties
     least = ties.constraints.tie[0, np.argmin(np.abs(ties.constraints.weight[0]))]
-    less, points = ties.without(ties.point == least)
+    less, points = ties.remove(ties.point == least)
 
     before, after = ties.constraints, less.constraints
     assert least not in points
@@ -138,7 +138,7 @@ def test_a_label_that_has_lost_most_of_its_ties_is_on_ground_as_uneven_as_before
 ) -> None:
     found = waves[1]
     beside = found.ties.constraints
-    ties, _ = found.ties.without(np.isin(found.ties.point, beside.tie[0]))
+    ties, _ = found.ties.remove(np.isin(found.ties.point, beside.tie[0]))
 
     assert np.isfinite(beside.sigma_m[0])
     assert np.isnan(ties.constraints.sigma_m[0])

@@ -86,7 +86,7 @@ def test_on_flat_ground_nothing_is_found_and_nothing_is_searched(
     def fail(*_: object) -> None:
         pytest.fail("a search where all fits")
 
-    monkeypatch.setattr(gross_errors, "_most_agreed", fail)
+    monkeypatch.setattr(gross_errors, "_find_best_candidates", fail)
     for seed in range(3):
         assert not refined_of(make_scene(seed, **SCENE).survey)[0].off_ground
 

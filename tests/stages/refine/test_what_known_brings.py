@@ -28,7 +28,7 @@ def solve(scene: Scene, *things: KnownThing) -> Refined:
 def slope_sigma(refined: Refined) -> float:
     """Of the ground towards the east."""
     layout = refined.adjustment.problem.layout
-    return float(np.sqrt(refined.adjustment.shared(layout.first_plane + 1, 1)[0, 0]))
+    return float(np.sqrt(refined.adjustment.shared_covariance(layout.first_plane + 1, 1)[0, 0]))
 
 
 def test_a_level_line_tells_how_the_ground_slopes() -> None:

@@ -192,7 +192,7 @@ def with_ties(scene: PlaceOnly) -> PlaceOnly:
         pick_label=survey.pick_label[first],
         pixel_px=survey.pixel_px[first],
         pick_sigma_px=survey.pick_sigma_px[first],
-        ties=ties.without(np.zeros(len(frame), np.bool_))[0],
+        ties=ties.remove(np.zeros(len(frame), np.bool_))[0],
     )
     return replace(scene, survey=few)
 

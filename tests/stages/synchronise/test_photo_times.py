@@ -255,7 +255,7 @@ def test_the_log_of_another_flight_is_refused_without_a_guess() -> None:
 
 @pytest.mark.parametrize("seed", [13, 16])
 def test_the_demos_photos_all_find_their_events(seed: int) -> None:
-    survey = simulate(Scenario().with_seed(seed))
+    survey = simulate(Scenario().replace_seed(seed))
     event = survey.log.event_time_s
     photos = photos_at(survey.file_time_utc_s - survey.log.boot_utc_s + EPOCH)
     result = synchronise(photos, log_of(flight(event)), TimeOptions())

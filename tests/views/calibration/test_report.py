@@ -91,7 +91,7 @@ def test_coverage_counts_and_the_residuals_scale_are_stated(account: Calibration
     first = np.flatnonzero(~removed)[0]
     start = (result.corners.pixel_px[first] + 0.5) * 520 / 1024
     end = start + factor * result.corners.residual_px[first] * 520 / 1024
-    np.testing.assert_allclose(residuals.drawing.named("corners")[0], [start, end])
+    np.testing.assert_allclose(residuals.drawing.find_shapes("corners")[0], [start, end])
 
 
 def fills(view: calibration_maps.Figure) -> list[str]:

@@ -197,7 +197,7 @@ def test_the_backdrop_lies_where_the_drawing_has_its_corners() -> None:
     assert image is not None
     x, y, width = map(float, image.groups())
     per_metre = view.drawing.bar / float(view.drawing.bar_text.split()[0])
-    (dot,), point = view.drawing.named("points")[0], result.points.position_world_m[0]
+    (dot,), point = view.drawing.find_shapes("points")[0], result.points.position_world_m[0]
 
     assert x == pytest.approx(dot[0] + (ground.west_m - point[0]) * per_metre, abs=0.01)
     assert y == pytest.approx(dot[1] - (ground.north_m - point[1]) * per_metre, abs=0.01)

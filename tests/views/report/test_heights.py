@@ -74,8 +74,8 @@ def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None
     view = top_view(result)
     assert view is not None
     rows = [k for k, label in enumerate(result.points.label) if label in RAISED]
-    dots = np.concatenate(view.drawing.named("points"))
-    middles = np.concatenate(view.drawing.named("off_ground"))
+    dots = np.concatenate(view.drawing.find_shapes("points"))
+    middles = np.concatenate(view.drawing.find_shapes("off_ground"))
 
     np.testing.assert_array_equal(middles, dots[rows])
     assert np.ptp(middles[:, 0]) > 0
@@ -95,7 +95,7 @@ def test_the_plan_of_a_plane_has_no_such_marks() -> None:
     view = top_view(survey.build())
     assert view is not None
     assert not view.has_off_ground
-    assert view.drawing.named("off_ground") == []
+    assert view.drawing.find_shapes("off_ground") == []
     assert "a point off the ground" not in render_annex(survey.build())
 
 
@@ -144,17 +144,17 @@ def test_a_drawing_is_to_scale(result: Result) -> None:
     kerb, bank = profile_drawings(result)
     assert [kerb.name, bank.name] == ["kerb", "<b>bank"]
     drawing = kerb.drawing
-    (line,) = drawing.named("line")
+    (line,) = drawing.find_shapes("line")
     across = drawing.width - LEFT - RIGHT
     np.testing.assert_allclose(line[:, 0], LEFT + across * np.array([0, 0.5, 1]), atol=0.05)
     steep = across / 10.0 * kerb.exaggeration
     np.testing.assert_allclose(line[:, 1] - line[0, 1], -steep * PLACE[:3, 2], atol=0.1)
     assert TOP <= line[:, 1].min() < line[:, 1].max() <= drawing.height - BOTTOM
     assert drawing.height <= TOP + MAX_HEIGHT + BOTTOM
-    ((top, bottom),) = drawing.named("rulers")  # B alone is off the ground
+    ((top, bottom),) = drawing.find_shapes("rulers")  # B alone is off the ground
     np.testing.assert_array_equal(top, line[1])
     assert bottom[1] - top[1] == pytest.approx(0.4 * steep)
-    high, low = drawing.named("bars")[1]
+    high, low = drawing.find_shapes("bars")[1]
     assert low[1] - high[1] == pytest.approx(2 * 1.959964 * 0.03 * steep)
     assert [text.text for text in drawing.texts] == ["A", "B", "C"]
     assert drawing.bar == pytest.approx(float(drawing.bar_text.split()[0]) * across / 10.0)

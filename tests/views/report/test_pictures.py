@@ -102,7 +102,9 @@ def test_the_mark_of_a_point_is_where_it_was_picked() -> None:
             if pair == (image, one.name)
         ]
 
-        assert any(np.array_equal(at, picks.pixel_px[[row]]) for at in one.drawing.named("picks"))
+        assert any(
+            np.array_equal(at, picks.pixel_px[[row]]) for at in one.drawing.find_shapes("picks")
+        )
         assert any(tag.text == one.name for tag in one.drawing.texts)
 
 
@@ -217,7 +219,7 @@ def test_the_value_of_a_measurement_stands_under_its_picture() -> None:
         row = measurement_text(result().measurements, result().measurements.name.index(one.name))
 
         assert one.told.startswith(f"{row.value}, ")
-        assert one.drawing.named("lines")
+        assert one.drawing.find_shapes("lines")
 
 
 def test_every_number_of_a_caption_is_that_of_the_results(tmp_path: Path) -> None:
@@ -278,6 +280,6 @@ def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() 
         own = set(made.measurements.points[made.measurements.name.index(one.name)])
         named = {tag.text for tag in one.drawing.texts}
         others |= named - own
-        assert len(one.drawing.named("picks")) >= len(named) > 0
+        assert len(one.drawing.find_shapes("picks")) >= len(named) > 0
 
     assert others == {"P09"}

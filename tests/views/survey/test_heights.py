@@ -54,7 +54,7 @@ def test_the_drawing_has_a_coloured_dot_and_a_number_where_the_ground_is_no_plan
     assert view is not None
     rows = [result.points.label.index(label) for label in DEPARTURE_M]
 
-    dots = np.concatenate(view.drawing.named("points"))
+    dots = np.concatenate(view.drawing.find_shapes("points"))
     coloured = [one for one in view.drawing.shapes if one.name == "off_plane"]
 
     np.testing.assert_array_equal([one.lines[0][0] for one in coloured], dots[rows])
@@ -72,10 +72,10 @@ def test_the_drawing_of_a_plane_is_as_it_was() -> None:
     flat, rough = top_view(survey.build()), top_view(uneven(survey.build()))
     assert flat is not None
     assert rough is not None
-    assert (flat.drawing.named("off_plane"), flat.full_m) == ([], 0.0)
+    assert (flat.drawing.find_shapes("off_plane"), flat.full_m) == ([], 0.0)
     assert not [text for text in flat.drawing.texts if text.kind == "off_plane"]
     kept = tuple(text for text in rough.drawing.texts if text.kind != "off_plane")
     assert kept == flat.drawing.texts
     for name in ("points", "lines", "ellipses"):
-        pairs = zip(rough.drawing.named(name), flat.drawing.named(name), strict=True)
+        pairs = zip(rough.drawing.find_shapes(name), flat.drawing.find_shapes(name), strict=True)
         assert all(np.array_equal(one, other) for one, other in pairs)

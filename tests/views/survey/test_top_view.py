@@ -24,7 +24,7 @@ def stroke(look: Look) -> str:
 
 def dots(view: TopView) -> np.ndarray:
     """(n, 2) places of the points."""
-    return np.concatenate(view.drawing.named("points"))
+    return np.concatenate(view.drawing.find_shapes("points"))
 
 
 def drawing(result: Result) -> TopView:
@@ -47,7 +47,7 @@ def test_the_drawing_is_to_scale_and_north_is_up() -> None:
 
 def test_everything_lies_on_the_sheet() -> None:
     view = drawing(survey.build())
-    spots = np.concatenate(view.drawing.named("lines") + view.drawing.named("ellipses"))
+    spots = np.concatenate(view.drawing.find_shapes("lines") + view.drawing.find_shapes("ellipses"))
 
     assert (spots >= 0).all()
     assert (spots <= [view.drawing.width, view.drawing.height]).all()
@@ -66,7 +66,7 @@ def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged() -> Non
 def test_ellipses_are_those_within_the_survey() -> None:
     result = survey.build()
     view = drawing(result)
-    outline = view.drawing.named("ellipses")[3]
+    outline = view.drawing.find_shapes("ellipses")[3]
     reach = np.linalg.norm(outline - dots(view)[3], axis=1).max()
 
     per_metre = view.drawing.bar / float(view.drawing.bar_text.split()[0])
@@ -91,7 +91,11 @@ def test_lines_of_one_look_are_one_and_none_is_lost() -> None:
     together = [one for one in view.drawing.shapes if one.name == "lines"]
     svg = view.drawing.__html__()
 
-    assert len({one.look for one in together}) == len(together) < len(view.drawing.named("lines"))
+    assert (
+        len({one.look for one in together})
+        == len(together)
+        < len(view.drawing.find_shapes("lines"))
+    )
     for one in together:
         (path,) = re.findall(f'd="([^"]+)" fill="none" {stroke(one.look)}/>', svg)
         assert path.count("M") == len(one.lines)
@@ -104,7 +108,7 @@ def test_without_telemetry_north_is_not_claimed() -> None:
 
 
 def test_one_point_alone_can_be_drawn_and_none_is_no_drawing() -> None:
-    assert drawing(survey.build(point_count=1, lines=(), measures=())).drawing.named("points")
+    assert drawing(survey.build(point_count=1, lines=(), measures=())).drawing.find_shapes("points")
     assert top_view(survey.build(point_count=0, lines=(), measures=())) is None
 
 
@@ -186,7 +190,7 @@ def key_drawing(result: Result) -> KeyPlan:
 
 def spots(plan: KeyPlan, name: str) -> np.ndarray:
     """(n, 2) middles of the signs of a name."""
-    return np.concatenate(plan.drawing.named(name))
+    return np.concatenate(plan.drawing.find_shapes(name))
 
 
 def shown_first(result: Result, adjusted: np.ndarray) -> np.ndarray:
@@ -222,7 +226,7 @@ def test_an_arrow_points_where_the_camera_looks_and_is_the_longer_the_flatter() 
     result = replace(made, frames=replace(made.frames, refined=tilted))
     forward = result.frames.refined.world_from_camera[result.has_refined, :, 2]
     flat = np.linalg.norm(forward[:, :2], axis=1) * ARROW > 5
-    arrows = key_drawing(result).drawing.named("arrows")[: flat.sum()]
+    arrows = key_drawing(result).drawing.find_shapes("arrows")[: flat.sum()]
 
     assert len(arrows) == flat.sum() > 0
     for (start, tip), (east, north, _) in zip(arrows, forward[flat], strict=True):
@@ -232,7 +236,7 @@ def test_an_arrow_points_where_the_camera_looks_and_is_the_longer_the_flatter() 
 def test_a_footprint_is_the_ground_below_the_corners_of_its_photo() -> None:
     result = survey.build(clean=True)
     plan = key_drawing(result)
-    first, camera = plan.drawing.named("footprints")[0], spots(plan, "cameras")[0]
+    first, camera = plan.drawing.find_shapes("footprints")[0], spots(plan, "cameras")[0]
 
     # it looks nearly straight down: the camera is over what it shows
     assert (first.min(axis=0) < camera).all()
@@ -243,7 +247,7 @@ def test_ground_that_several_photos_show_is_darker() -> None:
     plan = key_drawing(survey.build(clean=True))
     layers = [one for one in plan.drawing.shapes if one.name == "footprints"]
 
-    assert len(layers) == len(plan.drawing.named("footprints")) > 1
+    assert len(layers) == len(plan.drawing.find_shapes("footprints")) > 1
     assert all(0 < one.look.fill_opacity < 0.1 for one in layers)
 
 
@@ -267,7 +271,7 @@ def test_names_of_the_grid_are_whole_and_count_from_the_origin() -> None:
     named = [one for one in plan.drawing.written if one.kind == "grid"]
     per_metre = plan.drawing.bar / float(plan.drawing.bar_text.split()[0])
     dot, point = spots(plan, "points")[0], result.points.position_world_m[0]
-    lines = np.array(plan.drawing.named("grid"))
+    lines = np.array(plan.drawing.find_shapes("grid"))
 
     assert {one.text[0] for one in named} == {"E", "N"}
     for one in named:

@@ -58,14 +58,14 @@ def pick(
     # the browser needs the processors too. Read when numpy is loaded, which is below.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-    from uavgram.picking.web.running_server import one_start_at_a_time
+    from uavgram.picking.web.running_server import wait_for_other_start
 
     log_to_stderr(verbose=verbose)
     wanted = _sample(project) if sample else project or _find_present_folder()
     if wanted is not None and not _lacks_project(wanted):
         set_project_units(wanted)
     with contextlib.ExitStack() as starting:
-        starting.enter_context(one_start_at_a_time())
+        starting.enter_context(wait_for_other_start())
         if _find_running_page(wanted, port, browser=browser):
             return DONE
         return _serve(wanted, port, starting.close, browser=browser)
@@ -357,7 +357,7 @@ def find(
     undo
         Remove all picks of targets.
     """
-    from uavgram.model.naming import counted
+    from uavgram.model.naming import format_count
     from uavgram.pipeline.targets import find_targets, undo_targets
     from uavgram.views.terminal import message_lines
 
@@ -377,7 +377,7 @@ def find(
                 f"{min(sides):.0f} to {max(sides):.0f} px"
             )
     for label, others in found.uncoded.found.items():
-        where = counted(len(others), "more photo")
+        where = format_count(len(others), "more photo")
         print_lines(f"{label}: a {found.uncoded.kinds[label]}, found in {where}")
     done = "nothing is written (--dry-run)" if dry_run else str(found.path)
     more = f" and {len(found.uncoded.found)} other targets" if found.uncoded.found else ""

@@ -45,7 +45,7 @@ def demo(
     if scenario is not None:
         world = read_world(scenario, seed)
         return show_survey(output, world.scenario, world.calibration, verbose=verbose)
-    survey = Scenario() if seed is None else Scenario().with_seed(seed)
+    survey = Scenario() if seed is None else Scenario().replace_seed(seed)
     return show_survey(output, survey, verbose=verbose)
 
 

@@ -175,7 +175,7 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
 
     def update(state: State, step: Floats) -> State:
         poses, border = np.split(step, [structure.first_shared])
-        return state.moved(lens, border, poses.reshape(-1, POSE_SIZE))
+        return state.apply_step(lens, border, poses.reshape(-1, POSE_SIZE))
 
     blocks = evaluate(start)
     if blocks is None:
@@ -220,7 +220,7 @@ def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats
     cost : (M,)
         Weighted sum of squares of each photo; infinite if a corner is behind the camera.
     """
-    fixed = lens.without_border()
+    fixed = lens.hold_fixed()
 
     def state_of(poses: Unknowns) -> State:
         return replace(start, camera_from_board=poses[0], middle_camera_m=poses[1])
@@ -231,7 +231,7 @@ def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats
         return linear.residual, linear.pose
 
     def update(poses: Unknowns, step: Floats) -> Unknowns:
-        there = state_of(poses).moved(fixed, np.zeros(0), step)
+        there = state_of(poses).apply_step(fixed, np.zeros(0), step)
         return there.camera_from_board, there.middle_camera_m
 
     ends = minimise_each(
@@ -279,14 +279,14 @@ def invert_border(normal: Floats, lens: Lens) -> Floats:
     if values[0] < MIN_EIGENVALUE:
         unknown = int(np.argmax(np.abs(vectors[:, 0])))
         raise UndeterminedError(
-            f"the photos do not determine {_unknown_name(lens, unknown)}: take more photos with "
+            f"the photos do not determine {_name_unknown(lens, unknown)}: take more photos with "
             "the board tilted in different directions, or estimate fewer parameters"
         )
     root = vectors / np.sqrt(values) / scale[:, None]
     return np.asarray(root @ root.T)
 
 
-def _unknown_name(lens: Lens, unknown: int) -> str:
+def _name_unknown(lens: Lens, unknown: int) -> str:
     f = lens.basis.shape[1]
     if unknown >= f:
         return "the bow of the board"

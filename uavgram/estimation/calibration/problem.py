@@ -73,7 +73,7 @@ class Corners:
             self.board_m[photos], self.bow[photos], self.pixel_px[photos], self.weight[photos]
         )
 
-    def weighted(self, weight: Floats) -> Corners:
+    def replace_weights(self, weight: Floats) -> Corners:
         """Return the same corners with other weights (M, n)."""
         return replace(self, weight=weight)
 
@@ -99,7 +99,7 @@ class State:
     camera_from_board: Floats
     middle_camera_m: Floats
 
-    def moved(self, lens: Lens, border: Floats, pose: Floats) -> State:
+    def apply_step(self, lens: Lens, border: Floats, pose: Floats) -> State:
         """Return the state after increments of the border (q,) and of the poses (M, 6).
 
         Parameters
@@ -120,7 +120,7 @@ class State:
             self.middle_camera_m + pose[:, :3],
         )
 
-    def where(self, chosen: Bools, other: State) -> State:
+    def choose_poses(self, chosen: Bools, other: State) -> State:
         """Combine poses of this state where chosen (M,) with those of the other one elsewhere."""
         return replace(
             self,
@@ -181,7 +181,7 @@ class Lens:
         known = values > MIN_PRIOR_EIGENVALUE * max(values.max(initial=0.0), np.finfo(float).tiny)
         return np.asarray((vectors[:, known] * np.sqrt(values[known])).T * scale)
 
-    def without_border(self) -> Lens:
+    def hold_fixed(self) -> Lens:
         """Return the same lens held fixed, with only poses to estimate."""
         p = len(self.basis)
         return Lens(self.model, np.zeros((p, 0)), np.zeros(p), np.zeros((p, p)))

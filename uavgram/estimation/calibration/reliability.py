@@ -1,15 +1,15 @@
 """Reliability of a calibration: tests of corners and photos, data snooping, and their common error.
 
-Sigmas that a detector states come from the noise of the grey values. If residuals are several times
-as large, the dominating error is the same for a sharp corner and a blurred one; a common factor
-would give sharp corners far too much weight. So a variance common to all is added instead (a model
-of two variance components, one of which is known; Koch 1999, Parameter estimation and hypothesis
-testing in linear models, sec. 3.6).
+The detector derives the sigma of a corner from the noise of the grey values. If the residuals are
+several times as large, another error dominates, and it is the same for sharp and blurred corners.
+Therefore one common variance is added to those of all corners (a model of two variance components,
+one of which is known; Koch 1999, Parameter estimation and hypothesis testing in linear models, sec.
+3.6). A common factor of all sigmas would give sharp corners far too much weight.
 
-After Baarda 1968, "A testing procedure for use in geodetic networks", for the two coordinates of a
-corner together (Kok 1984, "On data snooping and multiple outlier testing", sec. 3), and with the
-variance estimated from the other observations (Cook and Weisberg 1982, "Residuals and influence in
-regression", sec. 2.2).
+The tests follow Baarda 1968, "A testing procedure for use in geodetic networks", for the two
+coordinates of a corner together (Kok 1984, "On data snooping and multiple outlier testing", sec.
+3), and with the variance estimated from the other observations (Cook and Weisberg 1982, "Residuals
+and influence in regression", sec. 2.2).
 """
 
 from __future__ import annotations
@@ -279,7 +279,7 @@ def remove_outliers(
             bad_photo[worst] = True
             bad_corner[:] = False  # the photo may have distorted the tests of the others
         kept = np.where(bad_corner | bad_photo[:, None], 0.0, corners.weight)
-        fit, scale = adjust_scaled(lens, corners.weighted(kept), fit.state, options)
+        fit, scale = adjust_scaled(lens, corners.replace_weights(kept), fit.state, options)
     if options.outliers == "report" and (bad_corner.any() or bad_photo.any()):
         fit, scale = adjust_scaled(lens, corners, fit.state, options)
     return CleanedFit(fit, scale, bad_corner, bad_photo, size)
@@ -319,7 +319,7 @@ def adjust_scaled(
         ):  # exact observations have no scale
             break
         scale *= factor
-        fit = adjust(lens, corners.weighted(corners.weight / scale), fit.state)
+        fit = adjust(lens, corners.replace_weights(corners.weight / scale), fit.state)
     return fit, scale
 
 

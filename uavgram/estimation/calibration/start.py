@@ -53,7 +53,7 @@ def estimate_first_values(
         if poses is None:
             continue
         state = State(parameters, bow, *poses)
-        linear = linearise(lens.without_border(), corners, state)
+        linear = linearise(lens.hold_fixed(), corners, state)
         cost = np.inf if linear is None else float(np.sum(linear.residual**2))
         if cost < least:
             best, least = state, cost
@@ -237,13 +237,13 @@ def choose_better_pose(lens: Lens, corners: Corners, state: State) -> State:
     state
         State with a pose of the board in each photo.
     """
-    fixed = lens.without_border()
+    fixed = lens.hold_fixed()
     linear = linearise(fixed, corners, state)
     other, cost = fit_poses(lens, corners, mirror_poses(state))
     if linear is None:
         return state
     better = cost < np.sum(linear.residual**2, axis=1)
-    return other.where(better, state)
+    return other.choose_poses(better, state)
 
 
 def mirror_poses(state: State) -> State:

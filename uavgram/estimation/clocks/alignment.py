@@ -1,15 +1,15 @@
 """Alignment of a camera's photos with an autopilot's events when their clocks differ.
 
-Every difference of a photo's and an event's time is a vote for an offset; the densest windows of
-votes are the candidates. Each is fitted to its own pairs, drift included, and judged by the number
-of photos with an event each. Evidence for a rival is counted generously: a photo without an event
-does not count against it if an event may be missing from the log (in a gap of twice the spacing, or
-beyond the ends), because a shift by one interval has this effect in evenly spaced events.
-
-The result is a monotone alignment with gaps on both sides. The search also decides whether only one
-offset fits. The camera's clock is then fitted to the pairs of the best offset, with its drift, and
-for every pair it is tested whether another one could explain the photo as well. Evenly spaced
-events fit at several offsets: this is reported, and not decided by a guess.
+1. Each difference between the time of a photo and the time of an event is a vote for an offset. The
+   offsets with most votes are the candidates.
+2. For each candidate, photos and events are paired in their order, and offset and drift are fitted
+   to the pairs. The candidate with most paired photos is the best one.
+3. The best offset is unique if no other candidate explains nearly as many photos. A photo without
+   an event does not count against another candidate where the log may lack the event (in a gap of
+   twice the spacing, or beyond the ends): evenly spaced events also fit after a shift by one
+   interval. Then the ambiguity is reported, and nothing is guessed.
+4. The camera's clock, with its drift, is fitted to the pairs of the best offset. Each pair is
+   tested: could another event explain the photo as well?
 """
 
 from __future__ import annotations

@@ -289,12 +289,12 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
     return _clock(station, LINK_DELAY_SIGMA_S, "receive"), (remark,)
 
 
-def to_utc(clock: BootClock, time_boot_s: Floats) -> Floats:
+def convert_boot_to_utc(clock: BootClock, time_boot_s: Floats) -> Floats:
     """Convert boot times to UTC seconds since the Unix epoch."""
     return np.asarray(clock.offset_s + clock.rate * np.asarray(time_boot_s, dtype=np.float64))
 
 
-def to_boot(clock: BootClock, time_utc_s: Floats | float) -> Floats:
+def convert_utc_to_boot(clock: BootClock, time_utc_s: Floats | float) -> Floats:
     """Convert UTC seconds to boot times."""
     return np.asarray((np.asarray(time_utc_s, dtype=np.float64) - clock.offset_s) / clock.rate)
 

@@ -498,4 +498,4 @@ def _keep_in_front(
     forward = values.rotation[sightings.frame][:, :, 2]
     depth = np.einsum("ni,ni->n", away, forward)
     height = np.abs(values.center[sightings.frame, 2] - values.height_m)
-    return sightings.without(~(depth > MIN_RELATIVE_DISTANCE * height))
+    return sightings.remove(~(depth > MIN_RELATIVE_DISTANCE * height))

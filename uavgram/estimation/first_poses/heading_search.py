@@ -1,10 +1,10 @@
 """Headings of photos with a stated position but no heading, from shared points.
 
-If the tilt of a photo is known, it shows its points in a plan that a turn about the vertical and a
-shift bring to their places. Photos are placed one by one, each at the heading, over a full circle,
-at which its points meet those already placed and its position is near the stated one. This is
-repeated from many initial headings, because only the positions determine the heading of the whole
-group.
+A photo of known tilt gives a plan of its points, up to a rotation about the vertical and a shift.
+Photos are placed one by one. For each, all headings of a full circle are tried, and the one is
+taken at which its points agree with those already placed and its position with the stated one. The
+search is repeated from many headings of the first photo, because only the positions determine the
+heading of the whole group.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def estimate_line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
         return ()
     rays, height, odd = _rays(survey), estimate_ground_height(survey), find_outlying_line(survey)
     found = []
-    for frame, own in _by_frame(survey, rows, rays).items():
+    for frame, own in _group_rows_by_frame(survey, rows, rays).items():
         some = own[~np.isin(rows.thing[own], list(odd))]
         ends = _poses(rows, rays, some if len(some) >= MIN_ROWS else own)
         cost = ends.cost[0]
@@ -93,7 +93,7 @@ def find_outlying_line(survey: Survey) -> frozenset[int]:
     if not len(rows.pick):
         return frozenset()
     rays = _rays(survey)
-    frames = _by_frame(survey, rows, rays)
+    frames = _group_rows_by_frame(survey, rows, rays)
     misfits = [own for own in frames.values() if _cost(rows, rays, own) == np.inf]
     if not misfits:
         return frozenset()
@@ -122,7 +122,7 @@ def _cost(rows: _Rows, rays: _Rays, own: Ints) -> float:
 def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Minima:
     """Estimate poses of one frame by some of its rows, over ground at z = 0."""
     pick = rows.pick[own]
-    return poses_from_lines(
+    return find_poses_from_lines(
         LineRows(
             ray=rays.ray[pick][None],
             ray_root=rays.root[pick][None],
@@ -133,7 +133,7 @@ def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Minima:
     )
 
 
-def _by_frame(survey: Survey, rows: _Rows, rays: _Rays) -> dict[int, Ints]:
+def _group_rows_by_frame(survey: Survey, rows: _Rows, rays: _Rays) -> dict[int, Ints]:
     """Return the rows of each frame that has enough of them."""
     usable = np.isfinite(rays.ray[rows.pick]).all(axis=1)
     frame = survey.pick_frame[rows.pick]
@@ -187,7 +187,7 @@ def _add_control(survey: Survey, lines: dict[int, list[tuple[float, ...]]]) -> N
         )
 
 
-def poses_from_lines(seen: LineRows) -> Minima:
+def find_poses_from_lines(seen: LineRows) -> Minima:
     """Find the minima of each photo, the lowest first.
 
     Returns
@@ -250,12 +250,14 @@ def _search_rotations(seen: LineRows) -> tuple[Floats, Floats]:
     """Return centres (B, S, 3) and rotations (B, S, 3, 3) of the likeliest rotations."""
     grid = make_rotations()
     block = max(1, MAX_AT_ONCE // (len(grid) * seen.ray.shape[1]))
-    parts = [_of_block(seen, grid, slice(k, k + block)) for k in range(0, len(seen.ray), block)]
+    parts = [
+        _solve_positions(seen, grid, slice(k, k + block)) for k in range(0, len(seen.ray), block)
+    ]
     center, rotation = (np.concatenate(part) for part in zip(*parts, strict=True))
     return center, rotation
 
 
-def _of_block(seen: LineRows, grid: Floats, photos: slice) -> tuple[Floats, Floats]:
+def _solve_positions(seen: LineRows, grid: Floats, photos: slice) -> tuple[Floats, Floats]:
     across = seen.across[photos]
     target = np.einsum("bni,bni->bn", across, seen.start_m[photos])[:, None]
     ray = np.einsum("gij,bnj->bgni", grid, seen.ray[photos])
@@ -290,7 +292,7 @@ def make_rotations() -> Floats:
         about_up, about_axis = np.meshgrid(azimuth, roll, indexing="ij")
         looking = (
             _rotate_about_z(about_up.ravel())
-            @ _tilt(float(tilt))
+            @ _make_tilted_rotation(float(tilt))
             @ _rotate_about_z(about_axis.ravel())
         )
         found.append(looking)
@@ -304,7 +306,7 @@ def _rotate_about_z(angle: Floats) -> Floats:
     return turn
 
 
-def _tilt(tilt: float) -> Floats:
+def _make_tilted_rotation(tilt: float) -> Floats:
     """Return the rotation of a camera that looks north and down, `tilt` from the nadir."""
     sine, cosine = np.sin(tilt), np.cos(tilt)
     return np.array([[1.0, 0.0, 0.0], [0.0, -cosine, sine], [0.0, -sine, -cosine]])

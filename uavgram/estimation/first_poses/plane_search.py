@@ -4,12 +4,12 @@ The plane is m . X = 1 in the camera frame, m = n / h with the unit normal n tow
 the height h above it, as in `geometry.ground.plane_pose`. Known things that hold on every plane
 alike (points in line stay in line in every view) contain no information on it and have no row.
 
-Lengths, angles, parallels and equal lengths: three numbers of a pose over the plane (two of its
-tilt, one of its height) need three independent ones, one of them in metres. Three lengths have
-several exact solutions in about half of all scenes, a triangle nearly always; so the hemisphere of
-plane normals is searched, all candidates are refined together (`minimise_each`), and every distinct
-minimum is kept. Frames with lengths alone are searched together (`search_planes`), a frame with
-other known things by itself (`search_known_planes`).
+A pose over the plane has three unknowns, two of tilt and one of height. They need three independent
+known things (lengths, angles, parallels, equal lengths), at least one of them in metres. Three
+lengths have several exact solutions in about half of all scenes, the sides of a triangle nearly
+always. Therefore the hemisphere of plane normals is searched, all candidates are refined together
+(`minimise_each`), and every distinct minimum is kept. Frames with lengths alone are searched
+together (`search_planes`), a frame with other known things by itself (`search_known_planes`).
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ class LineRows(NamedTuple):
         away = -np.broadcast_to(center[:, None], ray.shape)
         away = away + np.concatenate([self.start_m[which], ray[..., 2:] * 0.0], axis=-1)
         # Normal of the plane through camera and line, in the camera's axes.
-        normal = _turned_back(turn, np.cross(along, away))
+        normal = _rotate_back(turn, np.cross(along, away))
         world = (turn @ ray[..., None])[..., 0]
         down = np.where((world[..., 2] < 0) & (center[:, 2:] > 0), world[..., 2], np.nan)
         miss = np.sum(normal * ray, axis=-1)
@@ -107,7 +107,7 @@ class LineRows(NamedTuple):
         return residual, jacobian
 
 
-def _turned_back(turn: Floats, vectors: Floats) -> Floats:
+def _rotate_back(turn: Floats, vectors: Floats) -> Floats:
     return np.asarray((turn.swapaxes(-1, -2) @ vectors[..., None])[..., 0])
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.errors import near_miss
+from uavgram.errors import suggest_spelling
 from uavgram.estimation.survey.ground_planes import find_ground_below
 from uavgram.geometry.ground import measurements
 from uavgram.geometry.ground.measurements import UnmeasurableError
@@ -73,7 +73,7 @@ def require_picked(
     words = []
     for label in request.points:
         if label not in known:
-            near = "" if label in picked else near_miss(label, known)
+            near = "" if label in picked else suggest_spelling(label, known)
             words.append(f"point {label!r} has no usable pick" + (f" ({near})" if near else ""))
     if words:
         raise UnmeasurableError(", ".join(words))

@@ -6,12 +6,11 @@ therefore J S J^T with S the joint covariance of all unknowns. A photo without a
 of the adjustment: its pose is predicted from the adjusted flight, with the telemetry's own error of
 that frame added.
 
-The transferred pixel shows the picked thing, and not the label's point: an offset between the
-picked and the meant thing is the same in every photo. The pixel is transferred by the derivative of
-the two photos' pixels by one point, A = J_target J_source^-1, with the point on its ground (or at
-its height). The remaining error is that of J_target - A J_source in all unknowns: the position of
-the point cancels, and errors that the poses of both photos share nearly do. The height above the
-ground remains in it.
+A picked pixel is transferred to another photo by A = J_target J_source^-1, with J the derivatives
+of the pixels of one point by its place on the ground (or at its height). A person may have picked
+a place slightly beside the intended point. The transferred pixel shows the same place in the other
+photo. Its error is that of J_target - A J_source by all unknowns: the error of the point's position
+cancels, and errors that both poses share nearly cancel. The error of its height remains.
 """
 
 from __future__ import annotations

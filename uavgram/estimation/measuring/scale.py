@@ -1,10 +1,10 @@
 """Scale of a survey: the observations that determine it, and the next line to tape.
 
-The survey learns the roughness of the ground from its own points, and without a log the speed of
-the drone from its own photos: both in metres that the known lengths alone give. If these were twice
-as long, so would both be. As priors of fixed width they would nevertheless contribute to the scale,
-since they fit the better the smaller the survey is; so for the contributions to the scale, their
-widths are scaled with the survey.
+The roughness of the ground is estimated from the survey's own points, and without a log the speed
+of the drone from its own photos. Both are proportional to the known lengths, so they contain no
+information on the scale. As priors of fixed width they would seem to contribute: the smaller the
+survey, the better they would fit. For the contributions to the scale, their widths are therefore
+scaled with the survey.
 """
 
 from __future__ import annotations
@@ -114,11 +114,13 @@ def _factor_by_others(adjustment: Adjustment) -> tuple[float, float]:
     bare = replace(layout, tape=0)
     last = bare.size
     bare_readings = Block(residual, readings.columns[:, :width], readings.jacobian[:, :, :width])
-    blocks["lengths"] = _with_column(bare_readings, last + layout.tape, by_factor[:, None])
+    blocks["lengths"] = _add_unknown(bare_readings, last + layout.tape, by_factor[:, None])
     for kind, change in scale_derivatives(adjustment).items():
-        blocks[kind] = _with_column(blocks[kind], last + layout.tape, change)
+        blocks[kind] = _add_unknown(blocks[kind], last + layout.tape, change)
     # Shift the columns behind the tapes' scales.
-    moved = [replace(b, columns=_without_tapes(b.columns, layout)) for b in blocks.values()]
+    moved = [
+        replace(b, columns=_renumber_without_tapes(b.columns, layout)) for b in blocks.values()
+    ]
     structure = replace(bare.structure, size=last + 1)
     normal = NormalEquations(moved, last + 1, structure)
     try:
@@ -129,7 +131,7 @@ def _factor_by_others(adjustment: Adjustment) -> tuple[float, float]:
     return sigma, -float(factor.solve(normal.gradient)[last])
 
 
-def _with_column(block: Block, column: int, derivative: Floats) -> Block:
+def _add_unknown(block: Block, column: int, derivative: Floats) -> Block:
     """Add one more unknown to rows, with the derivative (m, r) of each row."""
     return Block(
         block.residual,
@@ -138,7 +140,7 @@ def _with_column(block: Block, column: int, derivative: Floats) -> Block:
     )
 
 
-def _without_tapes(columns: Ints, layout: Layout) -> Ints:
+def _renumber_without_tapes(columns: Ints, layout: Layout) -> Ints:
     """Return the columns in a layout without tape scales."""
     return np.where(columns >= layout.first_readout, columns - layout.tape, columns)
 

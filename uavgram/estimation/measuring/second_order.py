@@ -1,18 +1,20 @@
 """Second-order check of measured values, from observations moved by sqrt(3) sigmas.
 
-With slopes g and second derivatives H by independent errors of sigma 1, the bias of a value is
-tr(H) / 2, and its variance is g^T g + tr(H H) / 2 (Magnus 1978, "The moments of products of
-quadratic forms in normal variables"; likewise Criminisi 1997). H is computed from values at both
-ends of each direction, and of each pair of directions.
+First-order propagation treats a measured value as a linear function of the observations. This
+module computes the error of that approximation. For each measurement:
 
-An estimate is a function of the observations, and first-order propagation treats it as linear. For
-each measurement the observations are moved along orthogonal directions that move its points, both
-ways by sqrt(3) sigmas, as in the unscented transform (Julier & Uhlmann 2004, with n + kappa = 3,
-which matches the fourth moment of the normal distribution). The first direction is the one that
-moves the measurement most: along it the survey is readjusted, so that the curvature is that of the
-whole chain (lens, pose, plane, shape). The others move it in second order only; along them the
-points move by the first-order solution, and the curvature is that of the shape: near a coincidence
-of two points, for example, this makes a distance too long.
+1. The observations are moved along orthogonal directions, both ways by sqrt(3) sigmas, as in the
+   unscented transform (Julier & Uhlmann 2004, with n + kappa = 3, which matches the fourth moment
+   of the normal distribution).
+2. The first direction is the one that changes the value most. Along it the survey is readjusted:
+   this gives the curvature of the whole chain (lens, pose, plane, shape).
+3. Along the other directions, the points move by the first-order solution: this gives the
+   curvature of the value as a function of its points. For example, noise makes the distance of two
+   points that nearly coincide too long.
+4. The second derivatives H follow from the values at both ends of each direction, and of each pair
+   of directions. With the slopes g, by independent errors of sigma 1, the bias of the value is
+   tr(H) / 2 and its variance g^T g + tr(H H) / 2 (Magnus 1978, "The moments of products of
+   quadratic forms in normal variables"; likewise Criminisi 1997).
 """
 
 from __future__ import annotations

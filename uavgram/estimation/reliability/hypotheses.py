@@ -191,7 +191,7 @@ def adjust_without(adjustment: Adjustment, members: Iterable[Member]) -> Adjustm
     Adjustment of the same likelihood; its blocks lack the rows that were left out.
     """
     problem = adjustment.problem
-    keep = _kept(adjustment, members)
+    keep = _mark_kept_rows(adjustment, members)
     if not keep:
         return adjustment
 
@@ -217,7 +217,7 @@ def adjust_without(adjustment: Adjustment, members: Iterable[Member]) -> Adjustm
     return rest if minimum.converged else adjustment
 
 
-def _kept(adjustment: Adjustment, members: Iterable[Member]) -> dict[str, Bools]:
+def _mark_kept_rows(adjustment: Adjustment, members: Iterable[Member]) -> dict[str, Bools]:
     """Mark the kept rows of each kind of readings from which some, but not too many, are out."""
     keep = {
         kind: np.ones(len(block.residual), dtype=np.bool_)

@@ -288,7 +288,7 @@ def compute_test_statistics(adjustment: Adjustment) -> dict[str, TestedGroup]:
     for kind, observation in adjustment.problem.observations.items():
         if observation.kind.role not in ("reading", "prior"):
             continue
-        rows = observation.tested(adjustment.minimum.blocks[kind])
+        rows = observation.arrange_for_tests(adjustment.minimum.blocks[kind])
         whitening = observation.whitening()
         if whitening is not None:
             group = _test_correlated(kind, rows, covariance, whitening)

@@ -1,9 +1,10 @@
 """One photo with known lengths and its common errors, linearised for many draws at once.
 
-A common error is a number of sigma 1: a column of `PhotoDesign.camera_root` or of `ground_root`, or
-the relative scale error of the tape. A camera's error moves every pixel; if a sighting keeps its
-own error, its place moves in the opposite sense. An error of the ground's plane moves places along
-their rays.
+Errors of the camera, of the ground plane and of the tape are common to all observations of a photo.
+Each is expressed as independent numbers of sigma 1 (columns of `PhotoDesign.camera_root` and
+`ground_root`, and the relative error of the tape's scale). An error of the camera moves every
+pixel, so for a given sighting it moves the place on the ground in the opposite sense. An error of
+the ground plane moves places along their rays.
 
 An end of a length is seen once, so its place on the ground is the intersection of its sighting,
 error e included, with the ground. Moving the camera by δC and rotating it by ω moves that place by
@@ -20,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.solver.batched import backward, cholesky, forward
+from uavgram.estimation.solver.batched import cholesky, solve_lower, solve_lower_transposed
 from uavgram.geometry.camera.lens import distort, split_components, write_parameter_derivative
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
@@ -345,7 +346,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> PhotoLinearisa
     sigma, pull, predicted = _compute_readings(design, draws, world, scale)
     # Gradient by the places along the ground: by the place itself, and by its height.
     along = pull[:, :2] + pull[:, 2:] * slope[:, None]
-    jacobian = _by_pose(slope, along, (ray, falling), ends, by_turn)
+    jacobian = _compute_pose_effects(slope, along, (ray, falling), ends, by_turn)
     by_error = np.stack(
         [
             np.einsum("krb,kjrb->jrb", own, to_place[:, :, at])
@@ -367,7 +368,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> PhotoLinearisa
     if shared.shape[1]:
         spread += np.einsum("lkb,mkb->lmb", shared, shared)
     lower = cholesky(spread)
-    whitened = forward(lower, np.concatenate([jacobian, misfit[:, None]], axis=1))
+    whitened = solve_lower(lower, np.concatenate([jacobian, misfit[:, None]], axis=1))
     by_pose, missed = whitened[:, :6], whitened[:, 6]
     # Prior of the pose.
     apart = np.concatenate([state.center - draws.center, state.turn])
@@ -448,7 +449,7 @@ def apply_step(design: PhotoDesign, line: PhotoLinearisation, state: State, step
     """
     # Errors by the remaining misclosure: e = Je^T S^-1 (misclosure - J step).
     missed = line.misfit - np.einsum("lib,ib->lb", line.by_pose, step)
-    force = backward(line.lower, missed)
+    force = solve_lower_transposed(line.lower, missed)
     change = -line.error
     for k, ends in enumerate(list_ends(design).tolist()):
         pulls = line.by_error[k] * force
@@ -520,7 +521,7 @@ def _compute_sightings(
     return error, np.stack([np.stack([d * by, -b * by]), np.stack([-c * by, a * by])])
 
 
-def _by_pose(
+def _compute_pose_effects(
     slope: Floats, along: Floats, rays: tuple[Floats, Floats], ends: Ints, by_turn: Floats
 ) -> Floats:
     """Compute (R, 6, B) effects of a shift and a rotation of the camera on readings of ends."""

@@ -30,10 +30,10 @@ from uavgram.estimation.repeated.photo_step import (
 from uavgram.estimation.solver.batched import (
     Linearisation,
     Minima,
-    backward,
     cholesky,
-    forward,
     minimise_each,
+    solve_lower,
+    solve_lower_transposed,
 )
 from uavgram.estimation.solver.batched import State as Unknowns
 from uavgram.geometry.camera.projection import back_project
@@ -192,7 +192,7 @@ def _make_result(design: PhotoDesign, draws: Draws, ends: Minima) -> PhotoPosesF
     rotation, by_turn = rotate(draws.rotation, state.turn)
     root = cholesky(np.ascontiguousarray(np.moveaxis(ends.normal, 0, -1)))
     unit = np.repeat(np.eye(6)[:, :, None], len(at_rest), axis=2)
-    covariance = backward(root, forward(root, unit))
+    covariance = solve_lower_transposed(root, solve_lower(root, unit))
     # From a change of the rotation vector to a rotation in the camera's axes.
     by_step = np.zeros((6, 6, len(at_rest)))
     by_step[:3, :3] = np.eye(3)[:, :, None]

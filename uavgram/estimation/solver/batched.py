@@ -1,8 +1,8 @@
 """Minimisation of many small least-squares problems at once, each with its own damping.
 
-Where thousands of systems are solved together, the number of the system is the last axis: one row
-of all systems is one array operation, without overhead for each system. LAPACK takes ten times as
-long for them, one after the other.
+Thousands of systems are solved together, with the number of the system as the last axis: an
+operation on one row of all systems is one array operation. LAPACK, which solves them one after the
+other, takes ten times as long.
 
 `levenberg_marquardt` minimises one large sparse problem. The problems here have a few unknowns each
 (a plane, a pose), and there are up to thousands: candidates of a search, photos of a board, draws
@@ -43,7 +43,7 @@ def cholesky(matrix: Floats) -> Floats:
     return lower
 
 
-def forward(lower: Floats, right: Floats) -> Floats:
+def solve_lower(lower: Floats, right: Floats) -> Floats:
     """Solve ``L x = right`` for (n, n, B) lower factors and (n, ..., B) right-hand sides."""
     out = np.empty_like(right)
     for i in range(len(lower)):
@@ -54,7 +54,7 @@ def forward(lower: Floats, right: Floats) -> Floats:
     return out
 
 
-def backward(lower: Floats, right: Floats) -> Floats:
+def solve_lower_transposed(lower: Floats, right: Floats) -> Floats:
     """Solve ``L^T x = right`` for (n, n, B) lower factors and (n, ..., B) right-hand sides."""
     out = np.empty_like(right)
     for i in range(len(lower) - 1, -1, -1):
@@ -78,7 +78,9 @@ def solve_each(matrix: Floats, right: Floats) -> Floats:
     if len(matrix) < MIN_BATCH:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
     lower = cholesky(np.ascontiguousarray(np.moveaxis(matrix, 0, -1)))
-    return np.asarray(backward(lower, forward(lower, np.ascontiguousarray(right.T))).T)
+    return np.asarray(
+        solve_lower_transposed(lower, solve_lower(lower, np.ascontiguousarray(right.T))).T
+    )
 
 
 MAX_ITERATIONS = 60

@@ -234,7 +234,7 @@ class _Iteration(Generic[State]):
             fresh = factor is None
             factor = factor or self.normal.factor(damping, self.slack)
             step = -factor.solve(self.normal.gradient)
-            predicted = factor.predicted_fall(step, self.normal.gradient)
+            predicted = factor.predict_reduction(step, self.normal.gradient)
             if predicted < max(at_rest, ROUNDING_SHARE * self.cost) or damping > MAX_DAMPING:
                 break
             state, blocks, cost = self._try(step)

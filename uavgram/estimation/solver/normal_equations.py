@@ -149,7 +149,7 @@ class Block:
     columns: Ints
     jacobian: Floats
 
-    def pulled(self, along: Floats) -> Floats:
+    def multiply_transposed(self, along: Floats) -> Floats:
         """Multiply (..., n, r) by the Jacobian, to (..., n, k): J^T v, row by row."""
         return (along[..., None, :] @ self.jacobian)[..., 0, :]
 
@@ -291,7 +291,9 @@ def compute_gradient(blocks: Iterable[Block], size: int) -> Floats:
     """Compute J^T r of all blocks, (..., size), with the leading axes of the residuals, if any."""
     gradient = np.zeros(size)
     for block in blocks:
-        gradient = gradient + sum_by_unknown(block.columns, block.pulled(block.residual), size)
+        gradient = gradient + sum_by_unknown(
+            block.columns, block.multiply_transposed(block.residual), size
+        )
     return gradient
 
 
@@ -336,7 +338,7 @@ class Factor:
                 self._factor = DenseFactor(scaled, MIN_PIVOT)
                 return
             assert plan is not None  # noqa: S101  (it came with the block matrix)
-            matrix = normal.scaled(self._scale, damping)
+            matrix = normal.scale_and_damp(self._scale, damping)
             self._factor = SparseFactor(matrix, plan.symbolic, MIN_PIVOT)
         except NotPositiveError as error:
             raise SingularError(error.index) from None
@@ -390,7 +392,7 @@ class Factor:
             found[:, some] = solved[columns] * self._scale[columns, None]
         return found
 
-    def predicted_fall(self, step: Floats, gradient: Floats) -> float:
+    def predict_reduction(self, step: Floats, gradient: Floats) -> float:
         """Compute the reduction of the sum of squares by a solved step in the linear model.
 
         -2 g s - s N s, where (N + damping D) s = -g.
@@ -405,18 +407,20 @@ class Factor:
     def covariances(self, columns: Ints, gradients: Floats) -> Floats:
         """Compute the joint covariance (n, n) of linear functions, given as in `variances`."""
         joint = np.empty((len(columns), len(columns)))
-        for some, _, solved in self._solved(columns, gradients):
+        for some, _, solved in self._solve_columns(columns, gradients):
             joint[:, some] = np.einsum("nk,nkm->nm", gradients, solved[columns], optimize=True)
         return np.asarray(0.5 * (joint + joint.T))
 
     def variances(self, columns: Ints, gradients: Floats) -> Floats:
         """Compute variances (n,) of linear functions with gradients (n, k) by unknowns (n, k)."""
         found = np.empty(len(columns))
-        for some, right, solved in self._solved(columns, gradients):
+        for some, right, solved in self._solve_columns(columns, gradients):
             found[some] = np.sum(right * solved, axis=0)
         return found
 
-    def _solved(self, columns: Ints, gradients: Floats) -> Iterator[tuple[slice, Floats, Floats]]:
+    def _solve_columns(
+        self, columns: Ints, gradients: Floats
+    ) -> Iterator[tuple[slice, Floats, Floats]]:
         """Yield gradients as columns (size, m) and their solutions, a few functions at a time."""
         for start in range(0, len(columns), MAX_RIGHT_SIDES):
             some = slice(start, start + MAX_RIGHT_SIDES)
@@ -432,7 +436,7 @@ class Factor:
     def inverse_on_pattern(self) -> Floats | BlockMatrix:
         """Compute the inverse of the normal matrix: whole, or on its pattern."""
         if isinstance(self._factor, SparseFactor):
-            return self._factor.inverse_on_pattern().scaled(self._scale)
+            return self._factor.inverse_on_pattern().scale_and_damp(self._scale)
         return np.asarray(self._factor.inverse() * (self._scale[:, None] * self._scale))
 
 
@@ -469,7 +473,7 @@ class Covariance:
         Functions of unknowns that all observations share need no further solution.
         """
         inverse = self._inverse
-        if isinstance(inverse, BlockMatrix) and not inverse.pattern.structure.shared(columns):
+        if isinstance(inverse, BlockMatrix) and not inverse.pattern.structure.is_border(columns):
             return self._factor.covariances(columns, gradients)
         unknowns, place = np.unique(columns, return_inverse=True)
         whole = np.zeros((len(columns), len(unknowns)))

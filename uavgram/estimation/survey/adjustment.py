@@ -210,7 +210,7 @@ class Adjustment:
         flat = dense.reshape(3 * len(label), len(unknowns))
         return world, flat @ self.minimum.factor.joint(unknowns) @ flat.T
 
-    def shared(self, first: int, count: int) -> Floats:
+    def shared_covariance(self, first: int, count: int) -> Floats:
         """Return the (count, count) covariance of adjacent shared unknowns."""
         return self.minimum.factor.joint(first + np.arange(count))
 
@@ -262,13 +262,13 @@ class Adjustment:
 
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """Return points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""
-        return self._with_columns(label, *self.problem.world_points(self.state, label))
+        return self._join_derivatives(label, *self.problem.world_points(self.state, label))
 
     def ground_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """Return the same for the places on the smooth ground straight below points."""
-        return self._with_columns(label, *self.problem.ground_points(self.state, label))
+        return self._join_derivatives(label, *self.problem.ground_points(self.state, label))
 
-    def _with_columns(
+    def _join_derivatives(
         self, label: Ints, world: Floats, d_point: Floats, d_plane: Floats
     ) -> tuple[Floats, Floats, Ints]:
         problem = self.problem

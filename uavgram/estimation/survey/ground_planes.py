@@ -8,7 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.plane import Basis, correlated_basis, knots_root, quadratic_basis
+from uavgram.geometry.ground.plane import (
+    Basis,
+    evaluate_correlated_basis,
+    evaluate_quadratic_basis,
+    knots_root,
+)
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Ground, Relief, Survey
 
@@ -170,8 +175,8 @@ def count_relief(survey: Survey) -> int:
 def compute_relief_basis(relief: Relief, east_north_m: Floats) -> Basis:
     """Compute the basis functions of a relief at places (n, 2)."""
     if relief.kind == "quadratic":
-        return quadratic_basis(east_north_m, relief.knots_m[0], relief.scale_m)
-    return correlated_basis(east_north_m, relief.knots_m, relief.scale_m, _root(relief))
+        return evaluate_quadratic_basis(east_north_m, relief.knots_m[0], relief.scale_m)
+    return evaluate_correlated_basis(east_north_m, relief.knots_m, relief.scale_m, _root(relief))
 
 
 @lru_cache(maxsize=8)

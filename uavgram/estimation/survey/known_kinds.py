@@ -26,7 +26,7 @@ from uavgram.geometry.ground.conditions import (
     compute_line_offsets,
 )
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.limits import length_fault, number_fault
+from uavgram.model.limits import find_length_fault, find_number_fault
 from uavgram.model.observations import (
     MEASUREMENT_FORMS,
     ON_LINE,
@@ -168,7 +168,7 @@ class KnownKind:
         del points
         return ""
 
-    def adjusted(self, thing: KnownThing, off: float) -> float:
+    def compute_adjusted_value(self, thing: KnownThing, off: float) -> float:
         """Return the adjusted value of a thing from its residual."""
         return off + (thing.value if self.has_value else 0.0)
 
@@ -255,7 +255,7 @@ class MeasuredKind(KnownKind):
         least, greatest = self.limits
         if self.limits_words and not least < value < greatest:
             return self.limits_words
-        return length_fault(value) if self.is_positive else number_fault(value)
+        return find_length_fault(value) if self.is_positive else find_number_fault(value)
 
 
 class LineDistance(MeasuredKind):
@@ -329,7 +329,7 @@ class Azimuth(KnownKind):
         """Describe why an azimuth is impossible."""
         return "" if 0.0 <= value < 360.0 else "must lie from 0 to less than 360 degrees"
 
-    def adjusted(self, thing: KnownThing, off: float) -> float:
+    def compute_adjusted_value(self, thing: KnownThing, off: float) -> float:
         """Return the adjusted azimuth, from 0 to less than 360 degrees."""
         return (thing.value + off) % 360.0
 

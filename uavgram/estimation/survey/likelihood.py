@@ -76,9 +76,9 @@ class SurveyProblem:
         d_plane : (n, 3, w)
             By the plane and the relief of its area, the unknowns `plane_columns`.
         """
-        return self.placed(state, state.point[..., label, :], label)
+        return self.place_points(state, state.point[..., label, :], label)
 
-    def placed(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
+    def place_points(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
         """Compute world coordinates of points from their own unknowns, as `world_points` of labels.
 
         Parameters

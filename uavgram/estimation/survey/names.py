@@ -13,7 +13,7 @@ from uavgram.estimation.survey.observations.observation import (
     Suspicion,
 )
 from uavgram.estimation.survey.observations.pixels import Pixels
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 
 COUNT_WORDS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
@@ -33,25 +33,25 @@ class ObservationNames:
 
     adjustment: Adjustment
 
-    def of(self, member: Member) -> Observation:
+    def find_kind(self, member: Member) -> Observation:
         """Return the kind of observation of a member."""
         return self.adjustment.problem.observations[member.kind]
 
     def observation(self, member: Member) -> str:
         """Return ``pick of 'P' in 'img1.jpg'`` and the like, without an article."""
-        return self.of(member).title(member)
+        return self.find_kind(member).title(member)
 
     def cause(self, member: Member) -> str:
         """Return the possible cause of a misfit, without an article."""
-        return self.of(member).suspect(member)
+        return self.find_kind(member).suspect(member)
 
     def axis(self, member: Member) -> str:
         """Return ``boresight x``, ``fx`` and the like, for a table."""
-        return self.of(member).axis(member)
+        return self.find_kind(member).axis(member)
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Return the unit of an error, and how many of it make the unit of the unknowns."""
-        return self.of(member).unit(member)
+        return self.find_kind(member).unit(member)
 
     def group(self, suspicion: Suspicion) -> str:
         """List the causes that no test separates."""
@@ -62,7 +62,7 @@ class ObservationNames:
         parts: list[str] = []
         by_frame: dict[str, list[str]] = {}
         for member in members[:MAX_CAUSES]:
-            observation = self.of(member)
+            observation = self.find_kind(member)
             if isinstance(observation, Pixels):
                 frame, label = observation.place(member.row)
                 by_frame.setdefault(frame, []).append(repr(label))
@@ -70,7 +70,7 @@ class ObservationNames:
                 parts.append(self.cause(member))
         for frame, labels in by_frame.items():
             picks = "pick" if len(labels) == 1 else "picks"
-            parts.append(f"{picks} of {listed(labels, None)} in {frame!r}")
+            parts.append(f"{picks} of {join_names(labels, None)} in {frame!r}")
         if len(members) > MAX_CAUSES:
             more = len(members) - MAX_CAUSES
             parts[-1] += " or another one" if more == 1 else f" or one of {more} others"
@@ -98,7 +98,7 @@ class ObservationNames:
 
     def subjects(self, *members: Member) -> Subjects:
         """Return frames, labels and lengths of observations, as a message carries them."""
-        each = [self.of(member).subjects(member.row) for member in members]
+        each = [self.find_kind(member).subjects(member.row) for member in members]
         together: Subjects = {
             "frames": tuple(dict.fromkeys(f for one in each for f in one.get("frames", ()))),
             "labels": tuple(dict.fromkeys(a for one in each for a in one.get("labels", ()))),

@@ -1,13 +1,11 @@
 """Local accuracy of points against their neighbours, and the surroundings of points.
 
-Errors of receivers and compasses shift and turn a whole survey without changing its shape, and a
-datum that all points define together moves with every point that joins them. A distance between
-points is independent of both.
+Errors of receivers and compasses shift and turn a whole survey without changing its shape. The
+distance of a point from its neighbours is independent of these errors, and of the datum.
 
-To readjust moved observations, a neighbourhood is cut out of the survey. Observations far away
-hardly change with these points, and are nearly linear: the adjustment's own linear model is enough
-for them. Near by the likelihood itself is evaluated, for a survey of the photos that show the
-points and of those that share points with them.
+To readjust moved observations, a neighbourhood is cut out of the survey: the photos that show the
+moved points, and those that share points with them. There the likelihood itself is evaluated. For
+all other observations, which hardly change, the linear model of the adjustment is sufficient.
 """
 
 from __future__ import annotations
@@ -198,7 +196,7 @@ def find_neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
     whole = Neighbourhood(adjustment.problem, every, adjustment.state)
     if is_small(survey):
         return whole
-    near = _frames_around(survey, label)
+    near = _mark_frames_around(survey, label)
     if np.count_nonzero(near) > MAX_PART_SHARE * frames:
         return whole
     seen = replace(
@@ -214,7 +212,7 @@ def is_small(survey: Survey) -> bool:
     return len(survey.frame_id) <= MAX_PHOTOS_FOR_WHOLE or survey.gauge == "plane"
 
 
-def _frames_around(survey: Survey, label: Ints) -> Bools:
+def _mark_frames_around(survey: Survey, label: Ints) -> Bools:
     """Mark the photos (F,) that show the points, or share a point with one that does."""
     matches, ties = survey.matches, survey.ties
     labels = len(survey.label)

@@ -116,7 +116,7 @@ class SimulatedTruth:
         """(P,) interior orientation of the camera."""
         return self.problem.intrinsics(self.state)
 
-    def seen(self, frame: Ints, place_m: Floats) -> Floats:
+    def project_places(self, frame: Ints, place_m: Floats) -> Floats:
         """Compute the (n, 2) pixels of places (n, 3) in frames (n,)."""
         center, rotation = self.state.center[frame], self.state.rotation[frame]
         poses = RowPoses(center, rotation, np.zeros((len(frame), 6)))

@@ -4,9 +4,9 @@
 Newton"), which cost an evaluation and a back substitution each. Where they do not converge fast,
 because the normal matrix has changed too much, the full iteration continues from there.
 
-`readjust_moved` takes such steps for many movements at once. Near by the likelihood is evaluated at
-every step; observations farther away keep the linear model. With x = x0 + s + d, where s is the
-first-order effect of the movement,
+`readjust_moved` takes such steps for many movements at once. Observations near the moved ones are
+evaluated at every step; those farther away keep the linear model of the first adjustment. With x =
+x0 + s + d, where s is the first-order effect of the movement, the correction d is
 
     d = - N^-1 sum over rows near by of  J(x)^T (r(x) - e) - J0^T (r0 + J0 d).
 
@@ -367,7 +367,7 @@ def _departure_gradients(
     for block in there.values():
         n, r = block.residual.shape[1:]
         own = found[:, first : first + n * r].reshape(count, n, r)
-        gradient += sum_by_unknown(block.columns, block.pulled(own), size)
+        gradient += sum_by_unknown(block.columns, block.multiply_transposed(own), size)
         first += n * r
     off = found - expected
     return gradient, np.einsum("mr,mr->m", off, off)

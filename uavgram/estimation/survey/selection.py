@@ -52,7 +52,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     lines = np.flatnonzero((start >= 0) & (end >= 0))
     control = np.flatnonzero(new_label[survey.control_label] >= 0)
     matches, chains = _select_sightings(survey.matches, new_frame, new_pick)
-    beside = survey.ties.constraints.of_labels(new_label)
+    beside = survey.ties.constraints.reindex_labels(new_label)
     ties, tied = _select_sightings(replace(survey.ties, constraints=beside), new_frame, new_pick)
     reduced = replace(
         survey,
@@ -68,7 +68,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         matches=matches,
         ties=ties,
         **_select_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
-        known=tuple(one for old in survey.known if (one := old.relabelled(new_label)) is not None),
+        known=tuple(one for old in survey.known if (one := old.relabel(new_label)) is not None),
         **rows_of(survey, control, "c")
         | {"control_label": new_label[survey.control_label[control]]},
     )
@@ -93,7 +93,7 @@ def _select_sightings(
     pick = np.where(sightings.pick < 0, -1, new_pick[sightings.pick])
     gone = (sightings.pick >= 0) & (pick < 0)
     out = (new_frame[sightings.frame] < 0) | gone[sightings.point]
-    some, points = replace(sightings, pick=pick).without(out)
+    some, points = replace(sightings, pick=pick).remove(out)
     return replace(some, frame=new_frame[some.frame]), points
 
 
@@ -115,8 +115,8 @@ def remove_known(survey: Survey, left_out: Collection[int]) -> Survey:
 def remove_ties(survey: Survey, frames: Collection[str]) -> Survey:
     """Leave out the matches and tie points in some frames, by name."""
     out = np.isin(survey.frame_id, list(frames))
-    matches, _ = survey.matches.without(out[survey.matches.frame])
-    ties, _ = survey.ties.without(out[survey.ties.frame])
+    matches, _ = survey.matches.remove(out[survey.matches.frame])
+    ties, _ = survey.ties.remove(out[survey.ties.frame])
     return replace(survey, matches=matches, ties=ties)
 
 

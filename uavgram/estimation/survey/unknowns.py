@@ -309,7 +309,7 @@ def apply_increment(layout: Layout, state: State, step: Floats) -> State:
         (size,) increment; for (..., size) as many states, their arrays with the same leading axes.
     """
     many = step.shape[:-1]
-    frame_step = _of_frames(layout, step)
+    frame_step = _view_frames(layout, step)
     # The gauge's plane, if fixed, comes first and does not move.
     plane = np.empty((*many, state.plane.shape[-1]))
     plane[:] = state.plane
@@ -317,7 +317,7 @@ def apply_increment(layout: Layout, state: State, step: Floats) -> State:
         ..., layout.first_plane : layout.first_relief
     ]
     return State(
-        point=state.point + _of_points(layout, step),
+        point=state.point + _view_points(layout, step),
         center=state.center + frame_step[..., :3],
         rotation=state.rotation @ exp_so3(frame_step[..., 3:6]),
         intrinsic=state.intrinsic + step[..., layout.first_intrinsic : layout.first_plane],
@@ -326,31 +326,31 @@ def apply_increment(layout: Layout, state: State, step: Floats) -> State:
         telemetry=state.telemetry + step[..., layout.first_telemetry : layout.first_tape],
         tape=state.tape + step[..., layout.first_tape : layout.first_readout],
         readout=state.readout + step[..., layout.first_readout :],
-        picked=state.picked + _of_picked(layout, state, step),
-        tie=state.tie + _of_ties(layout, state, step),
+        picked=state.picked + _view_picked(layout, state, step),
+        tie=state.tie + _view_ties(layout, state, step),
         turning=state.turning + frame_step[..., 6:],
     )
 
 
-def _of_points(layout: Layout, step: Floats) -> Floats:
+def _view_points(layout: Layout, step: Floats) -> Floats:
     """Return the (..., K, point_size) part of a step, a view of it."""
     own = step[..., : layout.points * layout.point_size]
     return own.reshape(*step.shape[:-1], layout.points, layout.point_size)
 
 
-def _of_picked(layout: Layout, state: State, step: Floats) -> Floats:
+def _view_picked(layout: Layout, state: State, step: Floats) -> Floats:
     """Return the (..., Q, point_size) part of a step, a view of it."""
     own = step[..., layout.points * layout.point_size : layout.first_tie]
     return own.reshape(*step.shape[:-1], *state.picked.shape[-2:])
 
 
-def _of_ties(layout: Layout, state: State, step: Floats) -> Floats:
+def _view_ties(layout: Layout, state: State, step: Floats) -> Floats:
     """Return the (..., T, point_size) part of a step, a view of it."""
     own = step[..., layout.first_tie : layout.first_frame]
     return own.reshape(*step.shape[:-1], *state.tie.shape[-2:])
 
 
-def _of_frames(layout: Layout, step: Floats) -> Floats:
+def _view_frames(layout: Layout, step: Floats) -> Floats:
     """Return the (..., F, frame_size) part of a step, a view of it."""
     own = step[..., layout.first_frame : layout.first_intrinsic]
     return own.reshape(*step.shape[:-1], layout.frames, layout.frame_size)
@@ -359,11 +359,12 @@ def _of_frames(layout: Layout, step: Floats) -> Floats:
 def advance_state(layout: Layout, state: State, step: Floats) -> State:
     """Update a state by an increment, to first order equal to `apply_increment`, in iterations.
 
-    Only telemetry and control notice when points and cameras turn together about the vertical.
-    `apply_increment` takes such a turn along the tangent, which moves points off their pixels by
-    half the turn squared times the scene's size; here it is a turn (a retraction along the group,
-    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also returns
-    to the gauge's conditions (see ``SurveyProblem``), which are stiff and met to first order only.
+    A common rotation of points and cameras about the vertical changes only the misfits of telemetry
+    and control. `apply_increment` moves the points along the tangent of such a rotation, which
+    takes them off their pixels by half the squared angle times the size of the scene. This function
+    rotates them (a retraction along the group, Absil, Mahony and Sepulchre 2008, ch. 4). With a
+    free gauge it also moves the state back to the conditions of the gauge (see ``SurveyProblem``),
+    which an increment meets to first order only.
 
     Parameters
     ----------
@@ -377,13 +378,13 @@ def advance_state(layout: Layout, state: State, step: Floats) -> State:
         return apply_increment(layout, state, step)
     across = arm[..., ::-1] * (-1.0, 1.0)
     # Common turn about the vertical: least-squares fit of the step to the points' arms.
-    angle = (across * _of_points(layout, step)[..., :2]).sum(axis=(-2, -1)) / size
+    angle = (across * _view_points(layout, step)[..., :2]).sum(axis=(-2, -1)) / size
     by = angle[..., None]
     # Remove the common turn from the step, apply it as a rotation, and add the rest.
     rest = np.array(step)
-    rest_frame = _of_frames(layout, rest)
-    _of_points(layout, rest)[..., :2] -= by[..., None] * across
-    for places, own in ((state.picked, _of_picked), (state.tie, _of_ties)):
+    rest_frame = _view_frames(layout, rest)
+    _view_points(layout, rest)[..., :2] -= by[..., None] * across
+    for places, own in ((state.picked, _view_picked), (state.tie, _view_ties)):
         far = (places[..., :2] - middle[..., None, :])[..., ::-1] * (-1.0, 1.0)
         own(layout, state, rest)[..., :2] -= by[..., None] * far
     rest_frame[..., 0] += by * (state.center[..., 1] - middle[..., 1:])
@@ -391,10 +392,10 @@ def advance_state(layout: Layout, state: State, step: Floats) -> State:
     rest_frame[..., 3:6] -= by[..., None] * state.rotation[..., 2, :]
     turned = _rotate_about(state, middle, np.cos(angle), np.sin(angle))
     moved = apply_increment(layout, turned, rest)
-    return _at_gauge(moved) if layout.free_gauge else moved
+    return _move_to_gauge(moved) if layout.free_gauge else moved
 
 
-def _at_gauge(state: State) -> State:
+def _move_to_gauge(state: State) -> State:
     """Move a state on the plane z = 0 to its gauge: first frame above x = y = 0, image up north."""
     image_up = -state.rotation[..., 0, :2, 1]
     size = np.linalg.norm(image_up, axis=-1)

@@ -182,7 +182,7 @@ def right_angle(points: Floats) -> Residuals:
     Residuals
         One [deg; deg/m]; NaN where a leg has no length, and for angles of exactly 0 or 180.
     """
-    points = _checked(points, 3, 3)
+    points = _check_points(points, 3, 3)
     legs, length = unit_vectors(points[..., [0, 2], :] - points[..., [1], :])
     cosine = np.sum(legs[..., 0, :] * legs[..., 1, :], axis=-1)
     sine = np.linalg.norm(np.cross(legs[..., 0, :], legs[..., 1, :]), axis=-1)
@@ -190,7 +190,9 @@ def right_angle(points: Floats) -> Residuals:
     towards, _ = unit_vectors(legs[..., ::-1, :] - cosine[..., None, None] * legs)
     ends = towards / length[..., None]  # towards the other leg, where the angle decreases
     gradient = np.stack([ends[..., 0, :], -ends.sum(axis=-2), ends[..., 1, :]], axis=-2)
-    return _defined(np.arctan2(cosine, sine)[..., None], gradient[..., None, :, :], np.degrees(1.0))
+    return _scale_defined(
+        np.arctan2(cosine, sine)[..., None], gradient[..., None, :, :], np.degrees(1.0)
+    )
 
 
 def collinear(points: Floats, *, on_ground: bool = False) -> Residuals:
@@ -210,7 +212,7 @@ def collinear(points: Floats, *, on_ground: bool = False) -> Residuals:
         point; and, unless `on_ground`, its upward offset (square to both). For a line steeper than
         `STEEP_RISE`: east and north. NaN where first and last coincide.
     """
-    points = _checked(points, 3)
+    points = _check_points(points, 3)
     between = list(range(1, points.shape[-2] - 1))
     return _offsets(points, between, (0, points.shape[-2] - 1), on_ground=on_ground)
 
@@ -233,7 +235,7 @@ def line_offset(points: Floats, *, on_ground: bool = False) -> Residuals:
     Residuals
         As in `collinear`: to the left as seen from the line's first point, then upwards.
     """
-    return _offsets(_checked(points, 3, 3), [0], (1, 2), on_ground=on_ground)
+    return _offsets(_check_points(points, 3, 3), [0], (1, 2), on_ground=on_ground)
 
 
 def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
@@ -253,7 +255,7 @@ def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
         `on_ground`, the upward angle. For a first line steeper than `STEEP_RISE`: towards east
         and north. NaN where a line has no length, and for lines square to each other.
     """
-    points = _checked(points, 4, 4)
+    points = _check_points(points, 4, 4)
     axes = line_axes(points[..., 1, :] - points[..., 0, :])
     second = points[..., 3, :] - points[..., 2, :]
     ahead = np.sum(second * axes.along, axis=-1)
@@ -268,7 +270,7 @@ def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
     by_first = by_aside[..., None] * _times(second, across_by_line)
     by_first = by_first + by_ahead[..., None] * _times(second, axes.along_by_line[..., None, :, :])
     gradient = np.stack([-by_first, by_first, -by_second, by_second], axis=-2)
-    return _defined(np.arctan(aside / ahead[..., None]), gradient, np.degrees(1.0))
+    return _scale_defined(np.arctan(aside / ahead[..., None]), gradient, np.degrees(1.0))
 
 
 def coplanar(points: Floats) -> Residuals:
@@ -285,7 +287,7 @@ def coplanar(points: Floats) -> Residuals:
         For each further point, positive on the side from which the first three run anticlockwise.
         NaN where the first three are on one line.
     """
-    points = _checked(points, 4)
+    points = _check_points(points, 4)
     first = points[..., 0, :]
     a, b = points[..., 1, :] - first, points[..., 2, :] - first
     normal, size = unit_vectors(np.cross(a, b))
@@ -301,7 +303,7 @@ def coplanar(points: Floats) -> Residuals:
     for row in range(count - 3):
         gradient[..., row, row + 3, :] = normal
     gradient[..., 0, :] = -(by_a + by_b + normal[..., None, :])
-    return _defined(value, gradient)
+    return _scale_defined(value, gradient)
 
 
 def level(points: Floats) -> Residuals:
@@ -317,13 +319,13 @@ def level(points: Floats) -> Residuals:
     Residuals
         For the second and each further point.
     """
-    points = _checked(points, 2)
+    points = _check_points(points, 2)
     further = points.shape[-2] - 1
     gradient = np.zeros((*points.shape[:-2], further, further + 1, 3))
     rows = np.arange(further)
     gradient[..., rows, rows + 1, 2] = 1.0
     gradient[..., 0, 2] = -1.0
-    return _defined(points[..., 1:, 2] - points[..., :1, 2], gradient)
+    return _scale_defined(points[..., 1:, 2] - points[..., :1, 2], gradient)
 
 
 def vertical(points: Floats) -> Residuals:
@@ -339,11 +341,11 @@ def vertical(points: Floats) -> Residuals:
     Residuals
         East and north.
     """
-    points = _checked(points, 2, 2)
+    points = _check_points(points, 2, 2)
     gradient = np.zeros((*points.shape[:-2], 2, 2, 3))
     for axis in range(2):
         gradient[..., axis, :, axis] = [-1.0, 1.0]
-    return _defined(points[..., 1, :2] - points[..., 0, :2], gradient)
+    return _scale_defined(points[..., 1, :2] - points[..., 0, :2], gradient)
 
 
 def equal_lengths(points: Floats) -> Residuals:
@@ -359,7 +361,7 @@ def equal_lengths(points: Floats) -> Residuals:
     Residuals
         For the second and each further line; NaN where a line has no length.
     """
-    points = _checked(points, 4)
+    points = _check_points(points, 4)
     if points.shape[-2] % 2:
         raise ValueError(f"expected two points for each line, got {points.shape[-2]} points")
     unit, length = unit_vectors(points[..., 1::2, :] - points[..., ::2, :])
@@ -369,7 +371,7 @@ def equal_lengths(points: Floats) -> Residuals:
     for row in range(further):
         own = unit[..., row + 1, :]
         gradient[..., row, 2 * row + 2, :], gradient[..., row, 2 * row + 3, :] = -own, own
-    return _defined(length[..., 1:] - length[..., :1], gradient)
+    return _scale_defined(length[..., 1:] - length[..., :1], gradient)
 
 
 def _offsets(
@@ -390,7 +392,7 @@ def _offsets(
     for place, row in enumerate(rows):
         gradient[..., place, :, row, :] = axes
     flat = value.shape[-2] * value.shape[-1]
-    return _defined(
+    return _scale_defined(
         value.reshape(*value.shape[:-2], flat),
         gradient.reshape(*gradient.shape[:-4], flat, *gradient.shape[-2:]),
     )
@@ -401,7 +403,7 @@ def _times(vector: Floats, by_line: Floats) -> Floats:
     return np.asarray(np.einsum("...i,...cij->...cj", vector, by_line))
 
 
-def _checked(points: Floats, least: int, most: int | None = None) -> Floats:
+def _check_points(points: Floats, least: int, most: int | None = None) -> Floats:
     points = np.asarray(points, np.float64)
     if (
         points.ndim < 2
@@ -414,7 +416,7 @@ def _checked(points: Floats, least: int, most: int | None = None) -> Floats:
     return points
 
 
-def _defined(value: Floats, gradient: Floats, unit: float = 1.0) -> Residuals:
+def _scale_defined(value: Floats, gradient: Floats, unit: float = 1.0) -> Residuals:
     """Scale residuals and gradients to another unit; all NaN where any of them is not finite."""
     known = np.isfinite(value).all(axis=-1) & np.isfinite(gradient).all(axis=(-3, -2, -1))
     scale = np.asarray(np.where(known, unit, np.nan))

@@ -48,7 +48,7 @@ def orient_counterclockwise(corner: Floats) -> Floats:
     return corner[::-1] if signed_area(corner) < 0 else corner
 
 
-def contains(corner: Floats, point: Floats) -> Bools:
+def mark_points_inside(corner: Floats, point: Floats) -> Bools:
     """Mark the points (N, 2) inside a polygon (V, 2).
 
     A point is inside if a ray to the right crosses the outline an odd number of times (Shimrat
@@ -63,7 +63,7 @@ def contains(corner: Floats, point: Floats) -> Bools:
     return np.asarray(np.count_nonzero(spans & (point[:, 0, None] < at), axis=1) % 2 == 1)
 
 
-def crosses(corner: Floats, start: Floats, end: Floats) -> Bools:
+def mark_crossing_segments(corner: Floats, start: Floats, end: Floats) -> Bools:
     """Mark the segments (N, 2) to (N, 2) that are inside a polygon (V, 2) or cross its outline.
 
     Parameters
@@ -77,7 +77,11 @@ def crosses(corner: Floats, start: Floats, end: Floats) -> Bools:
     p, q = start[:, None], end[:, None]
     one = _turn(p, q, a) * _turn(p, q, b) <= 0
     other = _turn(a, b, p) * _turn(a, b, q) <= 0
-    return np.asarray((one & other).any(axis=1) | contains(corner, start) | contains(corner, end))
+    return np.asarray(
+        (one & other).any(axis=1)
+        | mark_points_inside(corner, start)
+        | mark_points_inside(corner, end)
+    )
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:

@@ -202,7 +202,7 @@ class Basis(NamedTuple):
     gradient: Floats
 
 
-def quadratic_basis(east_north_m: Floats, middle_m: Floats, scale_m: float) -> Basis:
+def evaluate_quadratic_basis(east_north_m: Floats, middle_m: Floats, scale_m: float) -> Basis:
     """Evaluate squares and product of the distances east and north: crown, hollow, saddle.
 
     Parameters
@@ -228,7 +228,7 @@ def knots_root(knots_m: Floats, range_m: float) -> Floats:
     Parameters
     ----------
     knots_m, range_m
-        As for `correlated_basis`.
+        As for `evaluate_correlated_basis`.
     """
     covariance = _kernel(_apart(knots_m, knots_m), range_m) + JITTER * np.eye(len(knots_m))
     lower = np.linalg.cholesky(covariance)
@@ -237,7 +237,9 @@ def knots_root(knots_m: Floats, range_m: float) -> Floats:
     )
 
 
-def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float, root: Floats) -> Basis:
+def evaluate_correlated_basis(
+    east_north_m: Floats, knots_m: Floats, range_m: float, root: Floats
+) -> Basis:
     """Evaluate functions whose independent coefficients give heights correlated within a range.
 
     With coefficients of unit variance the heights at the knots have the covariance exp(-d^2 / (2

@@ -72,7 +72,7 @@ def project_rows(
         Number of fixed-point steps; 1 neglects the effect of distortion on the row: some 0.3 px,
         good enough for pictures.
     """
-    in_middle = _seen(poses.rotation, world_m - poses.center)
+    in_middle = _rotate_into_camera(poses.rotation, world_m - poses.center)
     if not np.any(poses.sweep):
         return project(camera.model, parameters, in_middle)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -80,12 +80,12 @@ def project_rows(
         row = parameters[1] * in_middle[..., 1] / in_middle[..., 2] + parameters[3]
     for _ in range(steps):
         share = np.nan_to_num(compute_row_share(row, camera.height_px)).clip(-1.0, 1.0)
-        pixel = project(camera.model, parameters, _moved_back(poses, in_middle, share))
+        pixel = project(camera.model, parameters, _transfer_to_row(poses, in_middle, share))
         row = pixel[..., 1]
     return pixel
 
 
-def _moved_back(poses: RowPoses, in_middle: Floats, share: Floats) -> Floats:
+def _transfer_to_row(poses: RowPoses, in_middle: Floats, share: Floats) -> Floats:
     """Convert points (..., 3) from the camera of the middle row to the camera of their row.
 
     exp(-a w) (y - a R^T v) by Rodrigues' formula, with one small product for each power of w: there
@@ -94,10 +94,10 @@ def _moved_back(poses: RowPoses, in_middle: Floats, share: Floats) -> Floats:
     turn = poses.sweep[..., 3:]
     angle = np.linalg.norm(turn, axis=-1) * share
     back = hat(turn)
-    point = in_middle - share[..., None] * _seen(poses.rotation, poses.sweep[..., :3])
+    point = in_middle - share[..., None] * _rotate_into_camera(poses.rotation, poses.sweep[..., :3])
     # First and second power of -w x, with Rodrigues' coefficients.
-    once = _seen(back, point)  # -w x y
-    twice = _seen(back, once)
+    once = _rotate_into_camera(back, point)  # -w x y
+    twice = _rotate_into_camera(back, once)
     once *= (share * np.sinc(angle / np.pi))[..., None]
     twice *= (0.5 * (share * np.sinc(angle / (2 * np.pi))) ** 2)[..., None]
     point += once
@@ -127,7 +127,7 @@ def sight_lines(
     return center, np.asarray((poses.rotation @ ray[..., None])[..., 0])
 
 
-def _seen(rotation: Floats, from_center: Floats) -> Floats:
+def _rotate_into_camera(rotation: Floats, from_center: Floats) -> Floats:
     """Rotate vectors (..., 3) from the centre into camera axes."""
     if rotation.ndim == 2:
         return np.asarray(from_center @ rotation)

@@ -104,7 +104,7 @@ class _SmoothPath:
     """Samples, and the pieces between them, which each kind of path computes in its own way."""
 
     def __init__(self, time_s: Floats, sample: Floats) -> None:
-        self._time = _checked(time_s)
+        self._time = _check_times(time_s)
         self._sample = np.asarray(sample, np.float64)
         # An adjustment evaluates nearly the same instants repeatedly.
         self._pieces = lru_cache(maxsize=2)(self._of)
@@ -173,7 +173,7 @@ class SmoothPositions(_SmoothPath):
         return origin + moved, velocity
 
     def _make(self, index: Ints) -> _Pieces:
-        around, width = _around(self._time, index)
+        around, width = _find_surrounding_samples(self._time, index)
         sample = self._sample[around]
         change = np.diff(sample, axis=1)
         rates = _end_rates(change, width)
@@ -227,7 +227,7 @@ class SmoothRotations(_SmoothPath):
         return origin @ turn, (jacobian @ slope[..., None])[..., 0]
 
     def _make(self, index: Ints) -> _Pieces:
-        around, width = _around(self._time, index)
+        around, width = _find_surrounding_samples(self._time, index)
         rotation = matrix_from_xyzw(self._sample[around])
         turn = log_so3(np.swapaxes(rotation[:, :-1], -1, -2) @ rotation[:, 1:])
         start, end = _end_rates(turn, width)
@@ -236,7 +236,7 @@ class SmoothRotations(_SmoothPath):
         return _Pieces.hermite(rotation[:, 1], turn[:, 1], (start, end), width[:, 1:2])
 
 
-def _around(time: Floats, piece: Ints) -> tuple[Ints, Floats]:
+def _find_surrounding_samples(time: Floats, piece: Ints) -> tuple[Ints, Floats]:
     """Find the samples before, at both ends of, and after each of M pieces.
 
     Returns
@@ -287,7 +287,7 @@ def interpolate_rotation(time_s: Floats, xyzw: Floats, at_s: Floats) -> tuple[Fl
     ValueError
         An instant is outside the span, or the times do not increase.
     """
-    time, xyzw = _checked(time_s), np.asarray(xyzw, np.float64)
+    time, xyzw = _check_times(time_s), np.asarray(xyzw, np.float64)
     index, fraction = _locate(time, at_s)
     width = time[index + 1] - time[index]
     start, end = matrix_from_xyzw(xyzw[index]), matrix_from_xyzw(xyzw[index + 1])
@@ -297,7 +297,7 @@ def interpolate_rotation(time_s: Floats, xyzw: Floats, at_s: Floats) -> tuple[Fl
     return start @ exp_so3(fraction[:, None] * turn), turn / width[:, None]
 
 
-def _checked(time_s: Floats) -> Floats:
+def _check_times(time_s: Floats) -> Floats:
     """Return the times of samples (N,) if there are at least two and they increase."""
     time = np.asarray(time_s, np.float64)
     if len(time) < 2:

@@ -137,14 +137,14 @@ def fit_patches(
     system = _system(fixed, half, *(bell or (np.zeros(2), float(half))))
     everyone = np.arange(len(start))
     place, linear = start.copy(), linear.copy()
-    value, _ = _sampled(moving, everyone, place, linear, system)
+    value, _ = _resample_windows(moving, everyone, place, linear, system)
     # Normal equations of the fixed patch, formed once; pull is the weight of the prior on the map.
     inverse, pull = _inverse(system, compute_residual_variance(system, value, 2))
     gain = inverse @ (system.by * system.weight)
     active = everyone
     for step in range(steps):
         if step:
-            value, _ = _sampled(moving, active, place, linear, system)
+            value, _ = _resample_windows(moving, active, place, linear, system)
         changed = (linear[active] - np.eye(2)).reshape(-1, 4)
         delta = (gain[active] @ (value - system.value[active])[..., None])[..., 0]
         delta += pull[active, None] * (inverse[active][..., 2:] @ changed[..., None])[..., 0]
@@ -159,7 +159,7 @@ def fit_patches(
         active = active[(size > _CONVERGED) & near & np.isfinite(size)]
         if not len(active):
             break
-    value, contrast = _sampled(moving, everyone, place, linear, system)
+    value, contrast = _resample_windows(moving, everyone, place, linear, system)
     return PatchFits(
         place=place,
         linear=linear,
@@ -207,7 +207,7 @@ def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
     cut = slice(middle - half - 1, middle + half + 2)
     patch = fixed[:, cut, cut].astype(np.float64)
     slope = np.stack(compute_slopes(patch), axis=1).reshape(len(fixed), 2, len(steps))
-    value, contrast = _normalised(patch[:, 1:-1, 1:-1].reshape(len(fixed), -1), weight)
+    value, contrast = _normalise(patch[:, 1:-1, 1:-1].reshape(len(fixed), -1), weight)
     slope /= contrast[:, None, None]
     by = np.concatenate([slope, *(slope[:, [i]] * steps.T for i in range(2))], axis=1)
     # Eliminate brightness and contrast: project their effects out of the derivatives.
@@ -216,7 +216,7 @@ def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
     return System(steps, weight, value, contrast, by)
 
 
-def _sampled(
+def _resample_windows(
     moving: Grey, index: Ints, place: Floats, linear: Floats, system: System
 ) -> tuple[Floats, Floats]:
     """Resample moving windows at mapped grids; return normalised values and contrasts."""
@@ -230,10 +230,10 @@ def _sampled(
         tall = moving[index[first : first + block]].reshape(-1, side)
         v = v + np.arange(len(v), dtype=np.float32)[:, None] * side
         out[first : first + block] = sample_grey(tall, u, v, cv2.INTER_LANCZOS4)
-    return _normalised(out, system.weight)
+    return _normalise(out, system.weight)
 
 
-def _normalised(value: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _normalise(value: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """Normalise values (m, k) to weighted mean 0 and variance 1; return also (m,) deviations."""
     total = weight.sum()
     centred: Floats = value - (value @ weight / total)[:, None]
@@ -458,7 +458,7 @@ def estimate_match_covariance(found: PatchFits, options: MatchOptions, step: flo
     step
         Step of the patches [px].
     """
-    noise, bent = _of_noise_and_bend(found)
+    noise, bent = _compute_noise_and_bend_covariances(found)
     return (
         options.noise_share**2 * noise
         + (options.bend * step) ** 2 * bent
@@ -475,7 +475,7 @@ def is_precise(covariance: Floats, sigma: float) -> Bools:
     return np.asarray((least > 0.0) & (largest < sigma**2))
 
 
-def _of_noise_and_bend(found: PatchFits) -> tuple[Floats, Floats]:
+def _compute_noise_and_bend_covariances(found: PatchFits) -> tuple[Floats, Floats]:
     """Compute covariances (m, 2, 2) of the residual noise, and of a bend of one per step."""
     fixed = found.fixed
     side = round(len(fixed.grid) ** 0.5)

@@ -1,15 +1,16 @@
 """Matching of a corner off the ground along its line of sight, in several photos at once.
 
-The background beside such a corner differs from photo to photo, so no patch about it matches. But
-its edges do match, and its place has one unknown: the distance along the line. The place is
-therefore the one where most photos share the corner. There, small windows with the corner inside or
-at their edges (`beside`) are matched in each photo that shows the same in one of them.
+The background beside such a corner differs from photo to photo, so a patch around it does not
+match. The directions of its edges do match. The place has one unknown, the distance along the line
+of sight of the pick:
 
-At the height of the corner, the edges that meet in it have the same directions in all photos that
-show it, for any background; at another height one edge may still coincide with itself, but hardly
-two. For each pixel about the pick the direction of the edge is therefore compared with that in the
-other photos; edges shared by most photos must form a corner, and it must be at the pick itself.
-Weak edges count nearly as much as strong ones: the second edge of a corner is often a weak one.
+1. At each distance the edge directions around the pick are compared with those in the other photos.
+   At the height of the corner, both edges that meet in it agree; at another height one may, but
+   hardly both. Weak edges count nearly as much as strong ones, as the second edge of a corner is
+   often weak.
+2. The distance at which most photos share a corner at the pick is the place of the corner.
+3. There, small windows with the corner inside or at their edges (`beside`) are matched by least
+   squares in each photo in which one of them looks alike.
 """
 
 from __future__ import annotations
@@ -118,7 +119,7 @@ def compute_corner_strength(source: Image, targets: Sequence[Image], line: Sight
     line
         Line of sight of the corner.
     """
-    slope, own = _edges(_sampled(source, line.source_px[None], np.eye(2)[None], _SAMPLED))
+    slope, own = _edges(_resample_windows(source, line.source_px[None], np.eye(2)[None], _SAMPLED))
     like = _alike(targets, line, own[0])
     beside = np.pad(like, ((1, 1), (0, 0)), constant_values=-1.0)
     steps = np.stack([beside[1:-1], beside[:-2], beside[2:]])  # neighbours, too: poses have errors
@@ -138,7 +139,9 @@ def compute_corner_strength(source: Image, targets: Sequence[Image], line: Sight
         agree.sort(axis=1)
         most = agree[np.arange(len(agree)), agree.shape[1] - need].clip(0.0)
         always, alone = MIN_STRENGTH
-        strength[rows] = _cornered(most, slope[0]) / (always + alone / (need - 1) ** 2)
+        strength[rows] = _measure_corner_strength(most, slope[0]) / (
+            always + alone / (need - 1) ** 2
+        )
     return strength
 
 
@@ -164,10 +167,10 @@ def sample_windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> t
     size = np.linalg.svd(np.nan_to_num(affine), compute_uv=False)
     as_large = (size[:, 1] > SCALE_BOUNDS[0]) & (size[:, 0] < SCALE_BOUNDS[1])
     shown = np.flatnonzero(inside.all(axis=1) & as_large)
-    return shown, _sampled(photo, pixel[shown], affine[shown], reach)
+    return shown, _resample_windows(photo, pixel[shown], affine[shown], reach)
 
 
-def _sampled(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Grey:
+def _resample_windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Grey:
     """Resample grey values (n, s) about pixels, as in `sample_windows`."""
     u, v = np.moveaxis(pixel[:, None] + make_grid(reach) @ np.swapaxes(affine, 1, 2), -1, 0)
     return sample_grey(photo, u, v)
@@ -223,12 +226,12 @@ def _agreement(
     for i, photo in enumerate(targets):
         rows = np.flatnonzero(seen[:, i])
         at = place[rows, i]
-        grey = _sampled(photo, line.pixel_px[at, i], line.affine[at, i], _SAMPLED)
+        grey = _resample_windows(photo, line.pixel_px[at, i], line.affine[at, i], _SAMPLED)
         agree[rows, i] = (_edges(grey)[1] * own).sum(axis=1)
     return agree
 
 
-def _cornered(agreed: Grey, slope: Grey) -> Floats:
+def _measure_corner_strength(agreed: Grey, slope: Grey) -> Floats:
     """Compute the strength (n,) of the corner that shared edges (n, s) form.
 
     `slope` is (2, s) of the source.
@@ -347,7 +350,7 @@ def match_along_line(
     support = int(np.clip(like - MIN_CORRELATION, 0.0, None).sum(axis=0).argmax())
     score = like[:, support].clip(0.0, 1.0)
     for i in np.flatnonzero(score > MIN_CORRELATION).tolist():
-        one = _fitted(source, targets[i], line, (place, i, support), options or MatchOptions())
+        one = _fit_match(source, targets[i], line, (place, i, support), options or MatchOptions())
         if one is None:
             refused[i] = RefusalReason.UNSTABLE
         else:
@@ -428,7 +431,7 @@ def choose_line_place(strength: Floats, line: SightLine) -> tuple[int, RefusalRe
     return place, RefusalReason.NONE
 
 
-def _fitted(
+def _fit_match(
     source: Image,
     target: Image,
     line: SightLine,

@@ -1,10 +1,10 @@
 """Matching of points in a target photo to hundredths of a pixel, refusing doubtful matches.
 
-About a corner that is off the ground, some windows show the object, the others the background
-behind its edge: they do not move alike from photo to photo (shiftable windows: Kang, Szeliski and
-Chai 2001, "Handling occlusions in dense multi-view stereo"). The corner of a car hides other ground
-in each photo: the ground behind it may match on its own, as if the corner were there. Then one
-quarter of the patch matches, and another does not.
+Around a corner off the ground, one part of a window shows the object and another the background
+behind it. From photo to photo these two parts move differently, so windows with the corner at
+different places are tried (shiftable windows: Kang, Szeliski and Chai 2001, "Handling occlusions in
+dense multi-view stereo"). The background may match by itself, at a place where the corner is not. A
+match is therefore refused if one quarter of its patch matches and another does not.
 """
 
 from __future__ import annotations
@@ -205,11 +205,13 @@ def match_points(
         again = _Search(source, target, part, options, patch).result()
         # Keep the first patch's reason where no other patch finds the point.
         use = (again.refused == RefusalReason.NONE) | (number == 0)
-        found = _with_rows(found, index[use], replace(again, **rows_of(again, np.flatnonzero(use))))
+        found = _replace_rows(
+            found, index[use], replace(again, **rows_of(again, np.flatnonzero(use)))
+        )
     return found
 
 
-def _with_rows(found: Matches, index: Ints, rows: Matches) -> Matches:
+def _replace_rows(found: Matches, index: Ints, rows: Matches) -> Matches:
     columns = {}
     for field in fields(Matches):
         column = getattr(found, field.name).copy()
@@ -241,10 +243,10 @@ class _Search:
         """Search and refine the points; return the matches."""
         n = len(self._sought)
         pixel, covariance = np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
-        at = self._searched()
+        at = self._search_pixels()
         index = self._left()
         if len(index):
-            found, spread = self._refined(index, at[index])
+            found, spread = self._refine_pixels(index, at[index])
             pixel[index], covariance[index] = found, spread
             bad = self._refused != RefusalReason.NONE
             pixel[bad], covariance[bad] = np.nan, np.nan
@@ -264,7 +266,7 @@ class _Search:
         bad = bad & (self._refused[index] == RefusalReason.NONE)
         self._refused[index[bad]] = why
 
-    def _searched(self) -> Floats:
+    def _search_pixels(self) -> Floats:
         """Find the pixels (n, 2) in the target that look most like the points, to some tenths."""
         n, options = len(self._sought), self._options
         half = self._patch.search_half
@@ -341,11 +343,10 @@ class _Search:
     ) -> bool:
         """Return whether another place is about as similar, in the target or in the source.
 
-        The target may hide the true one of two places; the source shows both. If the true place is
-        q and p was found, the object at p is p - q from the point in the source. That is the region
-        about p. Places that may be the same object are compared where they match best: half a step
-        away from it, sharp edges correlate less than those of a neighbour that happens to fall on a
-        step.
+        In the target, the true one of two similar places may be hidden; the source shows both. If
+        the true place is q and p was found, the object at p is at p - q from the point in the
+        source: this gives the region in the source to search. Each place is compared at its best
+        match, to a fraction of a step, since sharp edges correlate less half a step away.
 
         Parameters
         ----------
@@ -369,7 +370,7 @@ class _Search:
         own = find_best_place(patch, around, allowed)
         second = max(peak.second, own.second)
         most = options.second_peak_far if coarse > 1 else options.second_peak
-        alike = _as_like(peak.likeness, second, most)
+        alike = _is_ambiguous(peak.likeness, second, most)
         if alike or second < options.search_likeness:
             return alike
         # Compare the candidates after least-squares matching, to the subpixel.
@@ -382,7 +383,7 @@ class _Search:
         there = fit_patches(fixed, np.stack(moving), np.zeros((3, 2)), square, half, 12)
         stayed = np.hypot(*there.place.T) < _BETWEEN  # otherwise it is the slope of another peak
         like = np.where(stayed, there.likeness, -1.0)
-        return _as_like(max(like[0], peak.likeness), max(*like[1:], second), most)
+        return _is_ambiguous(max(like[0], peak.likeness), max(*like[1:], second), most)
 
     def _in_photo(self, photo: Image, center: Floats, frame: Floats, reach: int) -> Bools:
         """Mark the steps (2 reach + 1, 2 reach + 1) at which a patch is within a photo."""
@@ -407,7 +408,7 @@ class _Search:
         )
         return first, second
 
-    def _refined(self, index: Ints, at: Floats) -> tuple[Floats, Floats]:
+    def _refine_pixels(self, index: Ints, at: Floats) -> tuple[Floats, Floats]:
         """Refine the remaining points by least squares: pixels (m, 2) and covariances."""
         options, patch = self._options, self._patch
         near, far = self._windows(index, at)
@@ -461,7 +462,7 @@ class _Search:
         self._refuse(index, ~(apart < options.agree), RefusalReason.UNSTABLE)
 
 
-def _as_like(best: float, other: float, most: float) -> bool:
+def _is_ambiguous(best: float, other: float, most: float) -> bool:
     """Return whether another place is about as likely as the best one."""
     return 1 - best + _CORRELATION_TOLERANCE > most * (1 - other)
 

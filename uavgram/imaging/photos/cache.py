@@ -58,7 +58,7 @@ class LruCache(Generic[Key, Value]):
 
     def get(self, key: Key) -> Value:
         """Return the value of a key, made now if necessary; an error of its making is raised."""
-        future, mine = self._asked(key)
+        future, mine = self._request_value(key)
         if mine:
             self._fill(key, future)
         return future.result()
@@ -71,7 +71,7 @@ class LruCache(Generic[Key, Value]):
 
     def prefetch(self, key: Key) -> None:
         """Start to make a value that will be requested."""
-        future, mine = self._asked(key)
+        future, mine = self._request_value(key)
         if mine:
             threading.Thread(target=self._prefetch, args=(key, future), daemon=True).start()
 
@@ -86,7 +86,7 @@ class LruCache(Generic[Key, Value]):
                 self._held = held
                 self._trim()
 
-    def _asked(self, key: Key) -> tuple[Future[Value], bool]:
+    def _request_value(self, key: Key) -> tuple[Future[Value], bool]:
         """Return the future of a key's value, and whether the caller has to make it."""
         with self._lock:
             future = self._kept.get(key)

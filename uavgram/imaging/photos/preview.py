@@ -89,7 +89,7 @@ def choose_tone(pixels: Values) -> Tone:
         (height, width) grey, (height, width, 3) or (n, 1, 3) BGR; a reduced picture suffices.
     """
     values = _luminance(pixels)
-    return _stretched(values) if values.size and _needs_stretch(values) else IDENTITY_TONE
+    return _compute_tone(values) if values.size and _needs_stretch(values) else IDENTITY_TONE
 
 
 def choose_full_range_tone(pixels: Values) -> Tone:
@@ -98,7 +98,7 @@ def choose_full_range_tone(pixels: Values) -> Tone:
     See `choose_tone`.
     """
     values = _luminance(pixels)
-    return _stretched(values) if values.size else IDENTITY_TONE
+    return _compute_tone(values) if values.size else IDENTITY_TONE
 
 
 def _needs_stretch(values: Values) -> bool:
@@ -108,7 +108,7 @@ def _needs_stretch(values: Values) -> bool:
     return bool(bright < DARK_BELOW or median < DUSK or NOISE < white - black < FLAT)
 
 
-def _stretched(values: Values) -> Tone:
+def _compute_tone(values: Values) -> Tone:
     black, median, white = np.percentile(values, [BLACK_PERCENTILE, 50.0, WHITE_PERCENTILE])
     least = WHITE / MAX_GAIN
     if white - black < least:  # widen about the middle, but not below black
@@ -199,7 +199,7 @@ def read_preview(
     pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
     if reduction == 1:
         return make_preview_of_decoded(pixels, max_width_px)[:2]
-    return _shown(pixels, reduction, max_width_px)
+    return _make_preview(pixels, reduction, max_width_px)
 
 
 def make_preview_of_decoded(
@@ -221,27 +221,29 @@ def make_preview_of_decoded(
     halves, reduction = [pixels], _reduction(pixels.shape[1], max_width_px)
     while len(halves) < reduction.bit_length():
         halves.append(halve(halves[-1]))
-    return *_shown(halves[-1], reduction, max_width_px), halves
+    return *_make_preview(halves[-1], reduction, max_width_px), halves
 
 
-def _shown(pixels: Pixels, reduction: int, max_width_px: int) -> tuple[Preview, Pixels]:
+def _make_preview(pixels: Pixels, reduction: int, max_width_px: int) -> tuple[Preview, Pixels]:
     """Make preview and pixels of a photo whose pixels are `reduction` wide."""
     height, width = pixels.shape[:2]
     # the last column may cover only a part of a pixel, but counts as `reduction` wide
     covered = np.array([width, height], dtype=np.float64) * reduction
     pixels = shrink(pixels, max_width_px, across_only=True)
     tone = choose_tone(pixels)
-    preview = _encoded(apply_tone(pixels, tone), (float(covered[0]), float(covered[1])))
+    preview = _encode_picture(apply_tone(pixels, tone), (float(covered[0]), float(covered[1])))
     return replace(preview, tone=tone), pixels
 
 
 def make_preview(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
     """Reduce a decoded photo: (height, width) grey, or (height, width, 3) BGR."""
     height, width = pixels.shape[:2]
-    return _encoded(shrink(pixels, max_width_px, across_only=True), (float(width), float(height)))
+    return _encode_picture(
+        shrink(pixels, max_width_px, across_only=True), (float(width), float(height))
+    )
 
 
-def _encoded(pixels: Pixels, covered_px: tuple[float, float]) -> Preview:
+def _encode_picture(pixels: Pixels, covered_px: tuple[float, float]) -> Preview:
     """Encode a picture that covers the given number of original pixels."""
     height, width = pixels.shape[:2]
     encoded_preview = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]

@@ -85,7 +85,7 @@ class Overview:
         if not 0 <= level - FIRST_COARSE < len(self.levels):
             return None
         pixels = self.levels[level - FIRST_COARSE]
-        return _encoded(_part(pixels, column * TILE_PX, row * TILE_PX, TILE_PX), tone)
+        return _encode_tile(_part(pixels, column * TILE_PX, row * TILE_PX, TILE_PX), tone)
 
 
 def fine_tile(
@@ -107,7 +107,7 @@ def fine_tile(
         return None
     left, top, side = ((TILE_PX * place) << level for place in (column, row, 1))
     part = _part(photo, left, top, side)
-    return None if part is None else _encoded(halve_repeatedly(part, level), tone)
+    return None if part is None else _encode_tile(halve_repeatedly(part, level), tone)
 
 
 def _part(pixels: Pixels, left: int, top: int, side: int) -> Pixels | None:
@@ -118,7 +118,7 @@ def _part(pixels: Pixels, left: int, top: int, side: int) -> Pixels | None:
     return pixels[top : top + side, left : left + side]
 
 
-def _encoded(part: Pixels | None, tone: Tone) -> bytes | None:
+def _encode_tile(part: Pixels | None, tone: Tone) -> bytes | None:
     if part is None:
         return None
     # Brighten before encoding: otherwise the steps of the JPEG would be amplified, too.

@@ -14,7 +14,7 @@ from uavgram.errors import InputError
 from uavgram.imaging.photos.decoding import make_reduced_copies, scale_to_original
 from uavgram.imaging.photos.preview import JPEG_QUALITY, Preview, decode_preview
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.chessboard import sight_chessboard
+from uavgram.imaging.targets.chessboard import detect_chessboard
 from uavgram.imaging.targets.corners import Sighting, measure_corners
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.board import Board, BoardKind, BoardObservations, BoardPhoto, LensSetting
@@ -26,7 +26,7 @@ _LARGEST_BOARD = 20  # squares each way, in the search for another size
 _CLEAR = 0.9  # of the distance from a corner to the nearest marker
 
 
-def sight_charuco(image: Image, board: Board) -> Sighting:
+def detect_charuco(image: Image, board: Board) -> Sighting:
     """Find a ChArUco board, or a part of it, in a photo.
 
     Parameters
@@ -129,12 +129,12 @@ Detector = Callable[[Image, Board], Sighting]
 
 # A new kind of board is one more function here (and its name in BoardKind).
 DETECTORS: dict[BoardKind, Detector] = {
-    "chessboard": sight_chessboard,
-    "charuco": sight_charuco,
+    "chessboard": detect_chessboard,
+    "charuco": detect_charuco,
 }
 
 
-def sight_board(image: Image, board: Board) -> Sighting:
+def detect_board(image: Image, board: Board) -> Sighting:
     """Find a board in one photo.
 
     Parameters
@@ -169,7 +169,7 @@ def detect_in_photos(
     """
 
     def sight(photo: str) -> Sighting:
-        return sight_board(load(photo), board)
+        return detect_board(load(photo), board)
 
     with ThreadPoolExecutor(workers) as pool:
         yield from pool.map(sight, photos)
@@ -221,7 +221,7 @@ def collect_observations(
     ]
     _refuse_same_places(photos, size_px)
     messages = [
-        *_unseen_messages(files, sightings),
+        *_report_missing_boards(files, sightings),
         *_partial_messages(board, photos, sightings, seen),
         *_operator_messages(by_gradient=by_gradient),
     ]
@@ -317,7 +317,7 @@ def _median(values: Floats) -> float:
     return float(np.median(known)) if len(known) else float("inf")
 
 
-def _unseen_messages(files: Sequence[str], sightings: Sequence[Sighting]) -> list[Message]:
+def _report_missing_boards(files: Sequence[str], sightings: Sequence[Sighting]) -> list[Message]:
     messages = []
     without = [file for file, s in zip(files, sightings, strict=True) if s.found_size is None]
     if without:
@@ -416,12 +416,28 @@ def draw_board(
     found = place[photo.corner]
     for index, center in zip(photo.corner.tolist(), found, strict=True):
         color = _FIRST if index == 0 else _LINE
-        cv2.circle(picture, _fixed(center), _RADIUS_PX << _SHIFT, color, 1, cv2.LINE_AA, _SHIFT)
+        cv2.circle(
+            picture,
+            _convert_to_fixed_point(center),
+            _RADIUS_PX << _SHIFT,
+            color,
+            1,
+            cv2.LINE_AA,
+            _SHIFT,
+        )
     _draw_numbers(picture, photo, found, board.columns)
     if residual_px is not None:
         ends = found + residual_px / scale * magnification
         for start, end in zip(found, ends, strict=True):
-            cv2.line(picture, _fixed(start), _fixed(end), _ARROW, 2, cv2.LINE_AA, _SHIFT)
+            cv2.line(
+                picture,
+                _convert_to_fixed_point(start),
+                _convert_to_fixed_point(end),
+                _ARROW,
+                2,
+                cv2.LINE_AA,
+                _SHIFT,
+            )
     quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     return bytes(cv2.imencode(".jpg", picture, quality)[1].tobytes())
 
@@ -431,7 +447,15 @@ def _draw_rows(picture: Image, grid: Floats) -> None:
     for row in grid:
         known = row[np.isfinite(row[:, 0])]
         for start, end in pairwise(known):
-            cv2.line(picture, _fixed(start), _fixed(end), _LINE, 1, cv2.LINE_AA, _SHIFT)
+            cv2.line(
+                picture,
+                _convert_to_fixed_point(start),
+                _convert_to_fixed_point(end),
+                _LINE,
+                1,
+                cv2.LINE_AA,
+                _SHIFT,
+            )
 
 
 def _draw_numbers(picture: Image, photo: BoardPhoto, place: Floats, columns: int) -> None:
@@ -444,6 +468,6 @@ def _draw_numbers(picture: Image, photo: BoardPhoto, place: Floats, columns: int
         cv2.putText(picture, str(index), at, cv2.FONT_HERSHEY_SIMPLEX, 0.4, _TEXT, 1, cv2.LINE_AA)
 
 
-def _fixed(point: Floats) -> tuple[int, int]:
+def _convert_to_fixed_point(point: Floats) -> tuple[int, int]:
     u, v = np.round(point * (1 << _SHIFT)).astype(int).tolist()
     return u, v

@@ -77,7 +77,7 @@ def grow_grid(image: Image, seed_px: Floats, limit: int) -> Grid | None:
     regular core.
     """
     smooth = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.float64)
-    seeds = (_core(smooth, seed) for seed in (seed_px, *_with_skipped_lines(image, seed_px)))
+    seeds = (_core(smooth, seed) for seed in (seed_px, *_insert_skipped_lines(image, seed_px)))
     core = next((core for core in seeds if core is not None), None)
     if core is None:
         return None
@@ -101,7 +101,7 @@ def grow_grid(image: Image, seed_px: Floats, limit: int) -> Grid | None:
     return Grid(grid, int(parity[0, 0]), whole)
 
 
-def _with_skipped_lines(image: Image, seed_px: Floats) -> Iterator[Floats]:
+def _insert_skipped_lines(image: Image, seed_px: Floats) -> Iterator[Floats]:
     """Insert a line of corners between every two: the detector may skip every other one."""
     for axis in (0, 1):
         seed = np.moveaxis(seed_px, axis, 0)
@@ -262,7 +262,7 @@ def number_grid(grid: Grid, columns: int, rows: int) -> Floats | None:
     several, the one whose first corner is nearest to the image's top left. A part of a board is
     assigned from its first corner: without markers its place on the board is unknown.
     """
-    right_handed, sign = _right_handed(grid.pixel_px, grid.sign)
+    right_handed, sign = _orient_right_handed(grid.pixel_px, grid.sign)
     fits = []
     for turns in range(4):
         turned = np.rot90(right_handed, turns)
@@ -284,7 +284,7 @@ def number_grid(grid: Grid, columns: int, rows: int) -> Floats | None:
     return whole
 
 
-def _right_handed(grid_px: Floats, sign: int) -> tuple[Floats, int]:
+def _orient_right_handed(grid_px: Floats, sign: int) -> tuple[Floats, int]:
     """Orient the grid with x along a row and y down a column, as in the image: not mirrored."""
     along_row = np.nanmedian(np.diff(grid_px, axis=1).reshape(-1, 2), axis=0)
     along_column = np.nanmedian(np.diff(grid_px, axis=0).reshape(-1, 2), axis=0)
@@ -308,7 +308,7 @@ _MODES = (
 )
 
 
-def sight_chessboard(image: Image, board: Board) -> Sighting:
+def detect_chessboard(image: Image, board: Board) -> Sighting:
     """Find a chessboard, or a part of it, in a photo.
 
     Parameters

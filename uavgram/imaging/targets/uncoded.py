@@ -340,7 +340,7 @@ def _chequer(rings: Floats) -> float:
             break
         lines = _axes(edge, 2)
         first = lines if first is None else first
-        if not (_as_before(lines, first, radius) and _apart(lines)):
+        if not (_coincides_with_first_ring(lines, first, radius) and _apart(lines)):
             break
         reach = radius
     return _WITHIN * reach if reach >= 5 else 0.0
@@ -364,7 +364,9 @@ def _cross(rings: Floats) -> float:
         bars = _axes(_middles(edge, inside), 2)
         first = bars if first is None else first
         begin = begin or radius
-        if inside.mean() > 0.7 or not (_as_before(bars, first, radius) and _apart(bars)):
+        if inside.mean() > 0.7 or not (
+            _coincides_with_first_ring(bars, first, radius) and _apart(bars)
+        ):
             break
         reach = radius
     return _WITHIN * reach if reach >= max(6, begin + 3) else 0.0
@@ -399,7 +401,7 @@ def _axes(angle: Floats, count: int) -> Floats:
     return np.asarray(0.5 * np.angle(double))
 
 
-def _as_before(line: Floats, first: Floats, radius: int) -> bool:
+def _coincides_with_first_ring(line: Floats, first: Floats, radius: int) -> bool:
     """Return whether lines at a radius coincide with those of the first ring, in any order."""
     off = np.abs(_between(line[:, None], first[None])).min(axis=1)
     return bool(off.max() * radius <= _STRAIGHT_PX + 0.05 * radius)
@@ -518,10 +520,10 @@ def find_symmetric_targets(grey: Image, holds: Callable[[Floats], Bools]) -> lis
         one = _measure_place(grey, place, radius)
         if one is not None and holds(one.pixel_px[None])[0]:
             found.append(one)
-    return _without_parts(found)
+    return _remove_parts(found)
 
 
-def _without_parts(found: list[SymmetricTarget]) -> list[SymmetricTarget]:
+def _remove_parts(found: list[SymmetricTarget]) -> list[SymmetricTarget]:
     """Remove parts of other targets: a field of a chequer is symmetric, too."""
     kept: list[SymmetricTarget] = []
     for one in sorted(found, key=lambda one: -one.reach_px * one.strength):

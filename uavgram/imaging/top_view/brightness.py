@@ -117,10 +117,10 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
         shape = -(-width * quick // reduction), -(-height * quick // reduction)
         scale = width * quick / shape[0], height * quick / shape[1]
         pixels = np.asarray(cv2.resize(pixels, shape, interpolation=cv2.INTER_AREA), np.uint8)
-    return Photo(_with_margin(pixels), scale)
+    return Photo(_add_margin(pixels), scale)
 
 
-def _with_margin(bgr: Pixels) -> Pixels:
+def _add_margin(bgr: Pixels) -> Pixels:
     """Convert to RGB and opacity (H + 2, W + 2, 4), with the outermost pixels repeated."""
     height, width = bgr.shape[:2]
     out = np.empty((height + 2 * MARGIN_PX, width + 2 * MARGIN_PX, 4), np.uint8)
@@ -188,11 +188,11 @@ def estimate_gains(seen: Mapping[int, Light], count: int) -> Floats:
         right[b] -= weight * difference
     row, column = np.array(list(normal)).T.reshape(2, -1)
     whole = coo_array((list(normal.values()), (row, column)), shape=(count, count))
-    gains = np.exp(_solved(whole, right))
+    gains = np.exp(_solve_symmetric(whole, right))
     return np.asarray(np.clip(gains, 1.0 / MAX_GAIN, MAX_GAIN))
 
 
-def _solved(whole: coo_array, right: Floats) -> Floats:
+def _solve_symmetric(whole: coo_array, right: Floats) -> Floats:
     """Solve a symmetric system (N,)."""
     if len(right) <= DENSE_PHOTOS:
         return np.asarray(np.linalg.solve(whole.toarray(), right))

@@ -107,11 +107,11 @@ class Grid:
         world_m
             (..., 3) points.
         """
-        pixel = self._projected(cameras, frame, world_m)
+        pixel = self._project_points(cameras, frame, world_m)
         shows = self._shows(pixel[..., 0], pixel[..., 1], _sine(world_m - cameras.center_m[frame]))
         return np.where(shows[..., None], pixel, np.nan)
 
-    def _projected(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
+    def _project_points(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
         """Project points to pixels (..., 2) of a frame, regardless of its borders."""
         poses = RowPoses(
             cameras.center_m[frame], cameras.world_from_camera[frame], cameras.sweep[frame]
@@ -142,7 +142,7 @@ class Grid:
             for first, end in ((box.top, box.bottom), (box.left, box.right))
         )
         ground = self.world(*np.meshgrid(column, row))
-        pixel = self._projected(cameras, frame, ground)
+        pixel = self._project_points(cameras, frame, ground)
         sine = _sine(ground - cameras.center_m[frame])
         return Places(frame, box, pixel[..., 0], pixel[..., 1], sine)
 
@@ -168,11 +168,11 @@ class Grid:
             (box.left - places.box.left) * share, (box.right - places.box.left) * share + 2
         )
         some = [one[rows, columns] for one in (places.u, places.v, places.sine)]
-        u, v = (_enlarged(one, STEP_PX)[inner, inner] for one in some[:2])
+        u, v = (_enlarge(one, STEP_PX)[inner, inner] for one in some[:2])
         if self._shows(*some).all():
             return u, v
         unknown = np.isnan(u)
-        hidden = ~self._shows(u, v, _enlarged(some[2], STEP_PX)[inner, inner])
+        hidden = ~self._shows(u, v, _enlarge(some[2], STEP_PX)[inner, inner])
         u[hidden] = v[hidden] = NOWHERE
         if unknown.any():
             down, across = np.nonzero(unknown)
@@ -307,10 +307,10 @@ def interpolate_weights(corner: Floats, box: Box, cell_px: int) -> Singles:
     """
     around = corner[box.top : box.bottom + 1, box.left : box.right + 1]
     half = cell_px // 2
-    return _enlarged(around, cell_px)[half:-half, half:-half]
+    return _enlarge(around, cell_px)[half:-half, half:-half]
 
 
-def _enlarged(places: Floats, times: int) -> Singles:
+def _enlarge(places: Floats, times: int) -> Singles:
     """Enlarge (H, W, ...) to (times H, times W, ...) by linear interpolation."""
     rows, columns = places.shape[:2]
     size = columns * times, rows * times

@@ -347,17 +347,19 @@ def _shares(shots: list[PixelMaps], view: View) -> list[Map]:
     infinite = np.float32(np.inf)
     tangent = [np.where(maps.shown, maps.off_nadir, infinite) for maps in shots]
     opacity = [_opacity(maps, view) for maps in shots]
-    above = _ranked(tangent)
+    above = _compute_shares(tangent)
     if not any((over < 1).any() for over in opacity):
         return above
     behind = np.float32(BEHIND)
-    below = _ranked([t + behind * (over < 1) for t, over in zip(tangent, opacity, strict=True)])
+    below = _compute_shares(
+        [t + behind * (over < 1) for t, over in zip(tangent, opacity, strict=True)]
+    )
     above = [share * over for share, over in zip(above, opacity, strict=True)]
     left = np.float32(1.0) - np.sum(above, axis=0)
     return [over + left * under for over, under in zip(above, below, strict=True)]
 
 
-def _ranked(distance: list[Map]) -> list[Map]:
+def _compute_shares(distance: list[Map]) -> list[Map]:
     """Compute shares from distances (infinite: none): all to the least, and to both near a tie."""
     nearest = np.minimum.reduce(distance)
     nearest[~np.isfinite(nearest)] = 0.0  # avoid inf - inf

@@ -85,20 +85,20 @@ def _cells(row: SurveyRow, version: str) -> tuple[Cell, ...]:
         row.name,
         row.status,
         row.level,
-        _known(row.mean_sigma_m),
-        _known(row.worst_w),
+        _replace_nan(row.mean_sigma_m),
+        _replace_nan(row.worst_w),
         row.photos,
         row.measurements,
         ";".join(row.warnings),
         row.taken_utc,
-        _known(row.latitude_deg),
-        _known(row.longitude_deg),
+        _replace_nan(row.latitude_deg),
+        _replace_nan(row.longitude_deg),
         row.camera,
         row.drone,
         _rms(checks),
         None if checks is None else checks.freedom,
         *(_rms(fits.get(kind)) for kind in ("pixels", "lengths", "telemetry")),
-        _known(row.seconds),
+        _replace_nan(row.seconds),
         row.tries,
         version if row.level else "",
         row.project,
@@ -107,7 +107,7 @@ def _cells(row: SurveyRow, version: str) -> tuple[Cell, ...]:
     )
 
 
-def _known(value: float) -> float | None:
+def _replace_nan(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 

@@ -299,7 +299,7 @@ def write_index(file: sqlite3.Connection, table: str, bounds: Floats) -> None:
     """
     if file.execute("SELECT 1 FROM pragma_module_list WHERE name = 'rtree'").fetchone() is None:
         return
-    index, own = quoted(f"rtree_{table}_geom"), quoted(table)
+    index, own = quote_name(f"rtree_{table}_geom"), quote_name(table)
     file.execute(_EXTENSIONS)
     file.execute(
         "INSERT INTO gpkg_extensions VALUES (?, 'geom', 'gpkg_rtree_index', ?, 'write-only')",
@@ -309,14 +309,14 @@ def write_index(file: sqlite3.Connection, table: str, bounds: Floats) -> None:
     rows = [(fid, *row) for fid, row in enumerate(bounds.tolist(), start=1) if not isnan(row[0])]
     file.executemany(f"INSERT INTO {index} VALUES (?, ?, ?, ?, ?)", rows)  # noqa: S608 - quoted
     for end, (after, when, what) in _TRIGGERS.items():
-        name = quoted(f"rtree_{table}_geom_{end}")
+        name = quote_name(f"rtree_{table}_geom_{end}")
         file.execute(
             f"CREATE TRIGGER {name} AFTER {after} ON {own} WHEN {when} "
             f"BEGIN {what.format(index=index)} END"
         )
 
 
-def quoted(name: str) -> str:
+def quote_name(name: str) -> str:
     """Quote the name of a table or a column for SQL."""
     return '"' + name.replace('"', '""') + '"'
 
@@ -325,7 +325,7 @@ def quoted(name: str) -> str:
 # before 3.7, still in use on long-lived systems, warns of newer versions.
 _APPLICATION_ID, _USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
 _CORE = f"""
-PRAGMA synchronous = OFF;  -- who hands the file on waits for the disk, once (`staged_output`)
+PRAGMA synchronous = OFF;  -- who hands the file on waits for the disk, once (`stage_output`)
 PRAGMA application_id = {_APPLICATION_ID};
 PRAGMA user_version = {_USER_VERSION};
 CREATE TABLE gpkg_spatial_ref_sys (
@@ -463,9 +463,11 @@ def _write_layer(
 ) -> None:
     """Write one table of shapes and attributes, and register it."""
     fields = {key: _field(values) for key, values in attributes.items()}
-    columns = "".join(f", {quoted(key)} {_kind(key, values)}" for key, values in attributes.items())
+    columns = "".join(
+        f", {quote_name(key)} {_kind(key, values)}" for key, values in attributes.items()
+    )
     file.execute(
-        f"CREATE TABLE {quoted(layer.name)} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, "
+        f"CREATE TABLE {quote_name(layer.name)} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, "
         f"geom {_TYPES[layer.kind]}{columns})"
     )
     bounds = _bounds(shapes)
@@ -481,11 +483,11 @@ def _write_layer(
         (layer.name, _TYPES[layer.kind], srs_id),
     )
     marks = ", ".join("?" * (1 + len(fields)))
-    names = ", ".join(["geom", *map(quoted, fields)])
+    names = ", ".join(["geom", *map(quote_name, fields)])
     placed_shapes = zip(shapes, bounds.tolist(), strict=True)
     coded = (_geometry(layer, shape, around, srs_id) for shape, around in placed_shapes)
     rows = zip(coded, *fields.values(), strict=True)
-    sql = f"INSERT INTO {quoted(layer.name)} ({names}) VALUES ({marks})"  # noqa: S608 - quoted
+    sql = f"INSERT INTO {quote_name(layer.name)} ({names}) VALUES ({marks})"  # noqa: S608 - quoted
     file.executemany(sql, rows)
     write_index(file, layer.name, bounds)
 
@@ -525,8 +527,8 @@ def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
     """Return the vertices of each shape on the map."""
     origin, crs = features.origin, features.crs
     if origin is None or crs is None:
-        return layer.placed(lambda enu: enu)
-    return layer.placed(lambda enu: projected_from_enu(enu, origin, crs))
+        return layer.transform(lambda enu: enu)
+    return layer.transform(lambda enu: projected_from_enu(enu, origin, crs))
 
 
 def _field(values: Attribute) -> list[str] | list[float]:

@@ -16,8 +16,8 @@ from uavgram.io.outputs import replace_text
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Features, Layer, LayerStyle, Looks, ShapeKind, look_of
 from uavgram.model.result.result import Result
-from uavgram.stages.products.columns import MEASUREMENTS, POINTS, listed_columns
-from uavgram.stages.products.map_layers import located_layers
+from uavgram.stages.products.columns import MEASUREMENTS, POINTS, make_geojson_columns
+from uavgram.stages.products.map_layers import make_located_layers
 
 _NO_GEOJSON_PLACE = (
     "The result has no geographic position (nothing ties its world to the earth, such as a flight "
@@ -57,10 +57,10 @@ def dump_geojson(result: Result) -> str:
     members = {"name": result.name}
     if world.ellipsoid_shift_m is None:
         members["message"] = _NO_ELLIPSOID
-    points, ellipses, *measured = located_layers(result)
-    rows = records(**listed_columns(POINTS, result)), ellipses.records()
+    points, ellipses, *measured = make_located_layers(result)
+    rows = records(**make_geojson_columns(POINTS, result)), ellipses.records()
     pairs = [*zip((points, ellipses), rows, strict=True)]
-    measurements = records(**listed_columns(MEASUREMENTS, result))
+    measurements = records(**make_geojson_columns(MEASUREMENTS, result))
     pairs += [(layer, [row]) for layer, row in zip(measured, measurements, strict=True)]
     return _collection(
         members,
@@ -116,7 +116,7 @@ def _features(
             "geometry": _geometry(layer.kind, shape),
             "properties": {key: layer.name, **row},
         }
-        for shape, row in zip(layer.placed(on_earth), rows, strict=True)
+        for shape, row in zip(layer.transform(on_earth), rows, strict=True)
     ]
 
 
@@ -201,7 +201,7 @@ def _places(layer: Layer, origin: Origin) -> tuple[Floats, ...]:
     above = layer.above_ground_m
     if layer.name == "camera_poses":
         above = tuple(center[:, 2] for center in layer.vertices_m)
-    shapes = layer.placed(lambda enu: _on_globe(enu, origin))
+    shapes = layer.transform(lambda enu: _on_globe(enu, origin))
     for shape, heights in zip(shapes, above, strict=bool(above)):
         shape[:, 2] = np.resize(heights, len(shape))  # the last vertex of a ring is its first
     return shapes

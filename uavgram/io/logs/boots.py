@@ -4,9 +4,10 @@ A new format defines a `Table` and a class of `Messages`; `build_log` does the r
 no row can express are functions of the format's own messages, given in the table instead of the
 row.
 
-A boot's messages are compared with each other. Rows outside the flight have damaged bytes. If a log
-contains a quantity twice (a position, an attitude, a home) and the two contradict each other, it is
-unknown which one is right: a remark names it, and only a home is left out for it.
+The messages of a boot are compared with each other. Rows at impossible times or places have damaged
+bytes and are removed. If a log contains a quantity twice (position, attitude, home) and the two
+contradict each other, nothing shows which one is right. A remark reports it; only a contradictory
+home is left out.
 """
 
 from __future__ import annotations
@@ -96,14 +97,14 @@ def find_stated_resets(messages: Messages, stated: StatedResets) -> tuple[Estima
         From the table of their format.
     """
     found = {
-        *_counted(messages, stated),
-        *_by_codes(messages, stated),
+        *_find_counted_resets(messages, stated),
+        *_find_coded_resets(messages, stated),
         *_in_messages(messages, stated),
     }
     return tuple(sorted(found, key=lambda reset: (reset.time_boot_s, reset.what)))
 
 
-def _counted(messages: Messages, stated: StatedResets) -> Iterator[EstimatorReset]:
+def _find_counted_resets(messages: Messages, stated: StatedResets) -> Iterator[EstimatorReset]:
     for name, counter, what in stated.counters:
         topic = messages.topic(name)
         if topic is not None:
@@ -112,7 +113,7 @@ def _counted(messages: Messages, stated: StatedResets) -> Iterator[EstimatorRese
             yield from (EstimatorReset(time, what) for time in topic.time_s[rows].tolist())
 
 
-def _by_codes(messages: Messages, stated: StatedResets) -> Iterator[EstimatorReset]:
+def _find_coded_resets(messages: Messages, stated: StatedResets) -> Iterator[EstimatorReset]:
     for name, fields, known in stated.codes:
         topic = messages.topic(name)
         if topic is None:
@@ -285,10 +286,10 @@ def _homes_in_doubt(home: HomeSamples, positions: PositionSamples) -> tuple[Bool
         f"off the height that {positions.source} counts from: taken for damaged and left out"
         for k in np.flatnonzero(doubted)[:3]
     ]
-    return doubted, (*notes, *_moved(home, ~doubted))
+    return doubted, (*notes, *_report_moved_home(home, ~doubted))
 
 
-def _moved(home: HomeSamples, kept: Bools) -> tuple[str, ...]:
+def _report_moved_home(home: HomeSamples, kept: Bools) -> tuple[str, ...]:
     """Return a remark if homes are further apart than a vehicle can be carried meanwhile."""
     if kept.sum() < 2:
         return ()
@@ -438,16 +439,16 @@ def build_boot(messages: Messages, table: Table) -> tuple[Boot, tuple[str, ...]]
     attitudes, of_attitudes = read_first(messages, table.attitudes, attitude_samples)
     gimbal, of_gimbal = read_first(messages, table.gimbal, gimbal_samples)
     events, of_events = read_first(messages, table.events, event_samples)
-    clocks = (clock_samples(stated) for stated in _all_stated(messages, table.clocks))
+    clocks = (clock_samples(stated) for stated in _read_stated_values(messages, table.clocks))
     boot = Boot(
         positions=positions,
         attitudes=attitudes,
         gimbal=gimbal,
         events=events,
         sigmas=merge_sigmas(
-            _all_stated(messages, table.sigmas),
-            _all_stated(messages, table.tilts),
-            next(iter(_all_stated(messages, table.fix)), None),
+            _read_stated_values(messages, table.sigmas),
+            _read_stated_values(messages, table.tilts),
+            next(iter(_read_stated_values(messages, table.fix)), None),
         ),
         home=read_first(messages, table.home, home_samples)[0],
         clocks=tuple(clock for clock in clocks if clock is not None),
@@ -485,7 +486,7 @@ def read_first(
         if not isinstance(row, Row):
             samples, remarks = row(messages)
             notes = (*notes, *remarks)
-        elif (stated := row.stated(messages)) is not None:
+        elif (stated := row.read_values(messages)) is not None:
             samples, remarks = make(stated)
             notes = (*notes, *remarks)
             if samples is not None and row.remark:
@@ -499,13 +500,13 @@ def read_first(
 
 def _undulation_m(messages: Messages, table: Table) -> float:
     """Return geoid above ellipsoid from the receiver's two heights; NaN where they are missing."""
-    for stated in _all_stated(messages, table.undulation):
+    for stated in _read_stated_values(messages, table.undulation):
         ellipsoid, sea_level = stated.columns
         rows = np.isfinite(ellipsoid) if stated.valid is None else stated.valid
         return median_undulation_m(ellipsoid[rows], sea_level[rows])
     return float("nan")
 
 
-def _all_stated(messages: Messages, rows: Iterable[Row]) -> list[StatedValues]:
-    found = (row.stated(messages) for row in rows)
+def _read_stated_values(messages: Messages, rows: Iterable[Row]) -> list[StatedValues]:
+    found = (row.read_values(messages) for row in rows)
     return [stated for stated in found if stated is not None]

@@ -16,7 +16,7 @@ from uavgram.io.logs.samples import (
 )
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight_log import CameraEvents, GimbalSamples
-from uavgram.model.naming import counted
+from uavgram.model.naming import format_count
 
 # GIMBAL_DEVICE_FLAGS, https://mavlink.io/en/messages/common.html
 _YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
@@ -109,7 +109,7 @@ def event_samples(stated: StatedValues) -> Found[CameraEvents]:
     """Return exposures from image numbers and flags of confirmation (1)."""
     number, confirmed = stated.columns
     exposures = stated.time_s, image_numbers(number), (confirmed == 1).astype(np.float64)
-    return events_of(stated.source, "command", exposures)
+    return build_events(stated.source, "command", exposures)
 
 
 def image_numbers(stated: Floats) -> Ints:
@@ -136,7 +136,7 @@ def _lost_numbers(number: Ints) -> tuple[int, ...]:
     return tuple(np.setdiff1d(np.arange(seen[0], seen[-1]), seen).tolist())
 
 
-def events_of(
+def build_events(
     source: str,
     instant: Literal["feedback", "command"],
     exposures: tuple[Floats, Ints, Floats],
@@ -180,23 +180,23 @@ def _notes(events: CameraEvents) -> tuple[str, ...]:
     untimed = events.confirmed == 0
     notes = []
     if untimed.any() and not untimed.all():
-        missed = _listed(events.image_number[untimed].tolist())
-        several = counted(int(untimed.sum()), "camera trigger")
+        missed = _join_numbers(events.image_number[untimed].tolist())
+        several = format_count(int(untimed.sum()), "camera trigger")
         notes.append(f"{several} without a photo that the camera confirmed (image {missed})")
     if events.repeated:
         notes.append(
             f"{len(events.repeated)} image numbers occur more than once in {events.source}: "
-            f"{_listed(events.repeated)}"
+            f"{_join_numbers(events.repeated)}"
         )
     if events.lost:
         notes.append(
             f"{len(events.lost)} image numbers are missing in {events.source}: "
-            f"{_listed(events.lost)}"
+            f"{_join_numbers(events.lost)}"
         )
     return tuple(notes)
 
 
-def _listed(numbers: list[int] | tuple[int, ...]) -> str:
+def _join_numbers(numbers: list[int] | tuple[int, ...]) -> str:
     """Return numbers as text, the first twenty."""
     more = f", ... {len(numbers) - _MANY} more" if len(numbers) > _MANY else ""
     return ", ".join(str(n) for n in numbers[:_MANY]) + more

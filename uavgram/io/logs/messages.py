@@ -23,7 +23,7 @@ Found = tuple[T | None, tuple[str, ...]]
 """Samples from a log, None where it has none; and remarks on irregularities."""
 
 
-def as_numbers(column: NDArray[Any]) -> Floats:
+def convert_to_numbers(column: NDArray[Any]) -> Floats:
     """Return a column (N,) as float64; NaN if damaged formats made a text or an array of it."""
     if column.ndim != 1 or column.dtype.kind not in "biuf":
         return np.full(len(column), np.nan)
@@ -53,7 +53,7 @@ class Topic:
         """Return the first of these fields that exists (N,), as float64; NaN where none does."""
         for name in names:
             if name in self.fields:
-                return as_numbers(self.fields[name])
+                return convert_to_numbers(self.fields[name])
         return np.full(len(self.time_s), np.nan)
 
     def texts(self, name: str) -> list[str]:
@@ -149,7 +149,7 @@ class Row:
     source: str = field(default="", kw_only=True)
     remark: str = field(default="", kw_only=True)
 
-    def stated(self, messages: Messages) -> StatedValues | None:
+    def read_values(self, messages: Messages) -> StatedValues | None:
         """Return the values in the log's messages; None where it has none of them."""
         wanted = self.message if isinstance(self.message, tuple) else (self.message,)
         topic = messages.topic(*wanted)

@@ -31,7 +31,7 @@ from uavgram.model.flight_log import (
     TurnRateSamples,
     VelocitySamples,
 )
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 
 LONGEST_BOOT_S = 30 * 86400.0
 _BESIDE = 7  # rows of a neighbourhood, centred on a row
@@ -81,7 +81,7 @@ def find_plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = Fals
     rows = rows[~is_spike(time[rows])]
     rows = rows[np.argsort(time[rows], kind="stable")]
     if dense:
-        rows = _without_lone_ends(time, rows)
+        rows = _remove_lone_ends(time, rows)
     first_of_instant = np.diff(time[rows], prepend=-np.inf) > _SAME_INSTANT_S
     return rows[first_of_instant].astype(np.int64)
 
@@ -130,7 +130,7 @@ def _out_of_order(source: str, time_s: Floats) -> tuple[str, ...]:
     )
 
 
-def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
+def _remove_lone_ends(time_s: Floats, rows: Ints) -> Ints:
     """Remove single rows of a dense table far before its first or after its last.
 
     `is_spike` cannot find a damaged time at an end, which is in order.
@@ -193,7 +193,7 @@ def is_near_track(
     longitude = longitude_deg[rows]
     # also across the date line
     east = (longitude - longitude[len(rows) // 2] + 180) % 360 - 180
-    reach = np.abs(time - _shifted(time, 3)) + np.abs(time - _shifted(time, -3))
+    reach = np.abs(time - _shift_values(time, 3)) + np.abs(time - _shift_values(time, -3))
     reach = np.minimum(reach, 10.0)
     allowed = _STEP_M + _FASTEST_M_S * reach
     off_n = _off_its_median(latitude_deg[rows]) * _METERS_PER_DEG
@@ -209,7 +209,7 @@ def is_near_track(
     return fits
 
 
-def _shifted(values: Floats, by: int) -> Floats:
+def _shift_values(values: Floats, by: int) -> Floats:
     """Return the (N,) values `by` rows before each; the end's own value beyond it."""
     at = np.clip(np.arange(len(values)) - by, 0, len(values) - 1)
     return np.asarray(values[at])
@@ -375,7 +375,7 @@ def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
     rows = np.flatnonzero(off)
     if not len(rows):
         return []
-    named = listed((f"by {off[k]:.3g} {unit} at {time_s[k]:.2f} s" for k in rows), _NAMED)
+    named = join_names((f"by {off[k]:.3g} {unit} at {time_s[k]:.2f} s" for k in rows), _NAMED)
     what = "1 row is" if len(rows) == 1 else f"{len(rows)} rows are"
     return [
         f"{what} off the rows before and after ({source}: {named}, since boot): taken for "

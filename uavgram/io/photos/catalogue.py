@@ -253,7 +253,7 @@ def _times(
     readings = [_exif_reading(path) for path in paths]
     timed = [np.isfinite(reading.time_s) for reading in readings]
     if options.source == "auto" and 2 * sum(timed) <= len(paths):
-        return [_Reading()] * len(paths), "none", _ignored_times(paths, timed)
+        return [_Reading()] * len(paths), "none", _report_ignored_times(paths, timed)
     if not any(timed):
         raise InputError(
             paths[0],
@@ -277,7 +277,7 @@ def _times(
     return readings, "exif", tuple(messages)
 
 
-def _ignored_times(paths: list[Path], timed: list[bool]) -> tuple[Message, ...]:
+def _report_ignored_times(paths: list[Path], timed: list[bool]) -> tuple[Message, ...]:
     if not any(timed):
         return ()
     text = (

@@ -20,7 +20,7 @@ import cv2
 import exifread
 import numpy as np
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError, describe_non_file
 from uavgram.geometry.geodesy import Origin
 from uavgram.input_files import UnusableFile, read_bytes, refuse_unread
 from uavgram.model.camera import CameraTags
@@ -125,7 +125,7 @@ def read_exif_tags(path: str | Path) -> dict[str, Any]:
     InputError
         The file cannot be read, has a format without a reader, or its EXIF is broken.
     """
-    if what := no_file(path):
+    if what := describe_non_file(path):
         raise InputError(path, f"is {what}: {TAKE_OUT}")
     refuse_unread(path)
     _here.is_reading = True
@@ -368,7 +368,7 @@ def read_image_size(path: str | Path) -> tuple[int, int]:
     InputError
         The file is missing, truncated, of an unsupported format, or not a photo.
     """
-    if what := no_file(path):
+    if what := describe_non_file(path):
         raise InputError(path, f"is {what}: {TAKE_OUT}")
     refuse_unread(path)
     is_whole = True
@@ -383,7 +383,7 @@ def read_image_size(path: str | Path) -> tuple[int, int]:
             elif head[:4] in _TIFF:
                 size = _tiff_size(path)
             else:
-                size = _decoded_size(path)
+                size = _decode_size(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     if size is None or min(size) <= 0:
@@ -432,7 +432,7 @@ def _tiff_size(path: str | Path) -> tuple[int, int] | None:
     return (numbers[0], numbers[1]) if len(numbers) == 2 else None
 
 
-def _decoded_size(path: str | Path) -> tuple[int, int] | None:
+def _decode_size(path: str | Path) -> tuple[int, int] | None:
     if str(path).isascii() and not cv2.haveImageReader(str(path)):
         return None
     # Decode the content, as OpenCV finds no file with an umlaut in its name on Windows.

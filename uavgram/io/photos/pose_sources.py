@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.io.photos.metadata import read_first_site
 from uavgram.io.photos.pose_tables import read_geo_txt, read_mrk, read_pose_csv
 from uavgram.io.photos.pose_tags import read_photo_tags, read_stated_tags
@@ -53,9 +53,9 @@ def read_photo_poses(
     if source == FROM_PHOTOS:
         poses, messages = read_photo_tags(photos)
     else:
-        poses, messages = _of_file(source, photos, heights)
+        poses, messages = _read_source(source, photos, heights)
     messages = (*messages, *create_datum_message(poses))
-    chosen, more = _of_photos(source, poses, photos)
+    chosen, more = _select_photos(source, poses, photos)
     return chosen, (*messages, *more)
 
 
@@ -78,8 +78,8 @@ def read_stated_poses(
     """
     if source == FROM_PHOTOS:
         return read_stated_tags(photos)
-    poses, messages = _of_file(source, photos, heights, may_lack_places=True)
-    chosen, more = _of_photos(source, poses, photos)
+    poses, messages = _read_source(source, photos, heights, may_lack_places=True)
+    chosen, more = _select_photos(source, poses, photos)
     return chosen, (*messages, *more)
 
 
@@ -94,7 +94,7 @@ def create_datum_message(poses: PhotoPoses) -> tuple[Message, ...]:
     return (Message("info", "height-datum-assumed", text),)
 
 
-def _of_file(
+def _read_source(
     source: str, photos: Photos, heights: HeightDatum, *, may_lack_places: bool = False
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     if source.lower().endswith(".mrk"):
@@ -105,7 +105,7 @@ def _of_file(
     return read_geo_txt(source, heights, site)
 
 
-def _of_photos(
+def _select_photos(
     source: str, poses: PhotoPoses, photos: Photos
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """Select the rows of the project's photos, in their order; report rows without a photo."""
@@ -113,7 +113,7 @@ def _of_photos(
     index = [row[name] for name in photos.frame_id if name in row]
     if not index:
         name = poses.frame_id[0]
-        hint = near_miss(name, photos.frame_id)
+        hint = suggest_spelling(name, photos.frame_id)
         raise InputError(
             source,
             f"names none of the project's {len(photos.frame_id)} photos; its first is {name!r}"
@@ -193,7 +193,7 @@ def read_pose_sources(
         at = {name: k for k, name in enumerate(poses.frame_id)}
         row = np.array([at.get(name, -1) for name in photos.frame_id], dtype=np.int64)
         readings.append(_Reading(_name(source, poses), poses, row))
-    merged, summary = _merged(sources, photos, readings)
+    merged, summary = _merge_sources(sources, photos, readings)
     return merged, (*messages, *summary)
 
 
@@ -201,7 +201,7 @@ def _name(source: str, poses: PhotoPoses) -> str:
     return f"the photos' tags ({poses.source})" if source == FROM_PHOTOS else Path(source).name
 
 
-def _merged(
+def _merge_sources(
     sources: Sequence[str], photos: Photos, readings: list[_Reading]
 ) -> tuple[PhotoPoses, list[Message]]:
     place = _best([_place_rank(each) for each in readings], len(photos.frame_id))
@@ -223,8 +223,8 @@ def _merged(
     attitude[place < 0] = -1
     used = [readings[k] for k in np.unique(place[rows])]
     kept = [readings[k] for k in np.unique(np.concatenate([place[rows], attitude[rows]])) if k >= 0]
-    columns = {name: _taken(readings, place, name)[rows] for name in _PLACE}
-    columns |= {name: _taken(readings, attitude, name)[rows] for name in _ATTITUDE}
+    columns = {name: _collect_quantity(readings, place, name)[rows] for name in _PLACE}
+    columns |= {name: _collect_quantity(readings, attitude, name)[rows] for name in _ATTITUDE}
     columns |= {name: _first(readings, name)[rows] for name in ("height_home_m", "time_utc_s")}
     guesses = dict.fromkeys(r.poses.datum_guess for r in used if r.poses.datum_guess)
     poses = replace(
@@ -261,7 +261,7 @@ def _best(ranks: list[Floats], count: int) -> Ints:
     return np.where(np.isfinite(table.min(axis=0)), best, -1)
 
 
-def _taken(readings: list[_Reading], chosen: Ints, name: str) -> Floats:
+def _collect_quantity(readings: list[_Reading], chosen: Ints, name: str) -> Floats:
     """Collect a quantity (N, ...), for each photo from the chosen source; NaN where none is."""
     value = np.full_like(readings[0].column(name), np.nan)
     for k, reading in enumerate(readings):

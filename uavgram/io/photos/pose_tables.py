@@ -21,7 +21,7 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
-from uavgram.geometry.geodesy import AXES_EXCHANGED, Origin, are_axes_exchanged, within_area
+from uavgram.geometry.geodesy import AXES_EXCHANGED, Origin, are_axes_exchanged, mark_within_area
 from uavgram.geometry.gps_time import utc_from_gps
 from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
 from uavgram.input_files import read_bytes, read_text
@@ -144,8 +144,8 @@ def convert_to_geodetic(
     longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
     turned_longitude, turned_latitude = to_wgs84.transform(xyz[:, 1], xyz[:, 0])
     if site is None:
-        exchanged = within_area(flat, turned_latitude, turned_longitude)
-        exchanged &= ~within_area(flat, latitude, longitude) & flat.is_projected
+        exchanged = mark_within_area(flat, turned_latitude, turned_longitude)
+        exchanged &= ~mark_within_area(flat, latitude, longitude) & flat.is_projected
         what = f"is outside {crs.name}, and inside with x and y exchanged"
     else:
         exchanged = are_axes_exchanged(

@@ -31,7 +31,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight_log import HeightDatum
 from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message
-from uavgram.model.naming import counted_photos, listed_photos
+from uavgram.model.naming import format_photo_count, join_photo_names
 
 Angles = tuple[float, float, float]
 NONE: Angles = (math.nan, math.nan, math.nan)
@@ -185,7 +185,7 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
             f"has no place in EXIF or XMP, nor has any of the {len(photos.path)} photos: name a "
             "file in `poses`, or a `log`",
         )
-    return _of_tags(photos, rows, readings)
+    return _convert_tags(photos, rows, readings)
 
 
 def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
@@ -201,15 +201,15 @@ def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, 
             "`exif` in `poses` adds nothing."
         )
         return None, (Message("warning", "no-pose-tags", text),)
-    return _of_tags(photos, rows, readings)
+    return _convert_tags(photos, rows, readings)
 
 
-def _of_tags(
+def _convert_tags(
     photos: Photos, rows: list[int], readings: list[TagPose]
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """Convert the tags of some photos to columns."""
     frame_id = tuple(photos.frame_id[k] for k in rows)
-    chosen, unused = _without_fillers(frame_id, [readings[k] for k in rows])
+    chosen, unused = _remove_fillers(frame_id, [readings[k] for k in rows])
     guesses = dict.fromkeys(pose.datum_guess for pose in chosen if pose.datum_guess)
     poses = PhotoPoses(
         frame_id=frame_id,
@@ -222,7 +222,7 @@ def _of_tags(
         source=", ".join(dict.fromkeys(p.source for p in chosen)),
         **{name: np.array([getattr(pose, name) for pose in chosen]) for name in _COLUMNS},
     )
-    return poses, (*unused, *_oddities(frame_id, chosen), *_edited(frame_id, chosen))
+    return poses, (*unused, *_oddities(frame_id, chosen), *_report_edited_photos(frame_id, chosen))
 
 
 def first_maker(photos: Photos) -> str:
@@ -250,12 +250,12 @@ def _read_poses(photos: Photos) -> list[TagPose]:
         return list(pool.map(_read_pose, photos.path))
 
 
-def _without_fillers(
+def _remove_fillers(
     frame_id: tuple[str, ...], poses: list[TagPose]
 ) -> tuple[list[TagPose], list[Message]]:
     """Remove angles and altitudes that are mere fillers; return messages about them."""
-    poses, of_angles = _without_zero_angles(frame_id, poses)
-    poses, of_heights = _with_exif_heights(frame_id, poses)
+    poses, of_angles = _remove_zero_angles(frame_id, poses)
+    poses, of_heights = _replace_odd_heights(frame_id, poses)
     messages = [*of_angles, *of_heights]
     for name, what in _HEIGHTS.items():
         height = _column(poses, name)
@@ -264,8 +264,8 @@ def _without_fillers(
             continue
         names = tuple(frame_id[k] for k in odd)
         text = (
-            f"{listed_photos(names)} cannot have been taken at the {what} that the tags state "
-            f"({_listed_heights(height[odd])}): it is missing, 0 or of the wrong sign, and was not "
+            f"{join_photo_names(names)} cannot have been taken at the {what} that the tags state "
+            f"({_list_heights(height[odd])}): it is missing, 0 or of the wrong sign, and was not "
             "used, the place was. Give true heights in a CSV file (`poses`)."
         )
         messages.append(Message("warning", "odd-altitude", text, frames=names))
@@ -278,12 +278,12 @@ def _column(poses: list[TagPose], name: str) -> Floats:
     return np.array([getattr(pose, name) for pose in poses], dtype=np.float64)
 
 
-def _listed_heights(height_m: Floats) -> str:
+def _list_heights(height_m: Floats) -> str:
     """List distinct heights in words; none where missing."""
     return ", ".join(sorted({f"{h:.1f} m" for h in height_m})).replace("nan m", "none")
 
 
-def _without_zero_angles(
+def _remove_zero_angles(
     frame_id: tuple[str, ...], poses: list[TagPose]
 ) -> tuple[list[TagPose], list[Message]]:
     """Remove angles that are exactly 0, 0 and 0 as the drone did not fill them in.
@@ -322,7 +322,7 @@ def _without_zero_angles(
 
 def _stating_zero(names: tuple[str, ...]) -> str:
     state = "states" if len(names) == 1 else "state"
-    return f"{listed_photos(names)} {state} gimbal angles of exactly 0, 0 and 0"
+    return f"{join_photo_names(names)} {state} gimbal angles of exactly 0, 0 and 0"
 
 
 def _are_elsewhere(poses: list[TagPose], others: Bools) -> Bools:
@@ -341,7 +341,7 @@ def _are_elsewhere(poses: list[TagPose], others: Bools) -> Bools:
     return away
 
 
-def _with_exif_heights(
+def _replace_odd_heights(
     frame_id: tuple[str, ...], poses: list[TagPose]
 ) -> tuple[list[TagPose], list[Message]]:
     """Replace odd altitudes in the maker's tags by those of EXIF; report either kind of odd one."""
@@ -357,8 +357,8 @@ def _with_exif_heights(
         names = tuple(frame_id[k] for k in np.flatnonzero(which))
         if names:
             text = (
-                f"{listed_photos(names)} cannot have been taken at the altitude in {wrong} "
-                f"({_listed_heights(odd[which])}): it is 0 or of the wrong sign. The one in "
+                f"{join_photo_names(names)} cannot have been taken at the altitude in {wrong} "
+                f"({_list_heights(odd[which])}): it is 0 or of the wrong sign. The one in "
                 f"{right} was used."
             )
             messages.append(Message("info", "odd-altitude", text, frames=names))
@@ -411,7 +411,7 @@ def _oddities(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message,
     messages = []
     if nadir:
         text = (
-            f"The tags of {counted_photos(nadir)} state a gimbal roll near 180 degrees while "
+            f"The tags of {format_photo_count(nadir)} state a gimbal roll near 180 degrees while "
             " looking down: taken as a half turn about the optical axis, the same as roll 0 "
             "with the yaw turned by 180 degrees"
         )
@@ -419,19 +419,20 @@ def _oddities(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message,
     if len(over) > len(nadir):
         names = [name for name, _ in over if name not in nadir]
         text = (
-            f"The tags of {counted_photos(names)} state a camera upside down; these "
+            f"The tags of {format_photo_count(names)} state a camera upside down; these "
             " directions are used: check the seeds"
         )
         messages.append(Message("warning", "gimbal-upside-down", text))
     return tuple(messages)
 
 
-def _edited(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, ...]:
+def _report_edited_photos(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, ...]:
     edited = {name: p.editor for name, p in zip(frame_id, poses, strict=True) if p.editor}
     if not edited:
         return ()
     text = (
-        f"{next(iter(edited.values()))} saved {counted_photos(list(edited))}: where it turned or "
+        f"{next(iter(edited.values()))} saved {format_photo_count(list(edited))}: where it turned "
+        f"or "
         "cropped a photo, the pose tags and the camera file no longer fit; use the camera's own "
         "files"
     )

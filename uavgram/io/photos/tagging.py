@@ -244,12 +244,12 @@ def write_tagged_photo(tags: GeoTags, k: int, target: Path) -> None:
         packet = xmp_packet(path)
         old = {} if packet is None else parse_xmp(packet)
         xmp = XMP_HEAD + set_tags(packet, _pose_tags(tags, k, old))
-        target.write_bytes(build_jpeg(_replaced(jpeg, exif, xmp), jpeg.scan))
+        target.write_bytes(build_jpeg(_replace_segments(jpeg, exif, xmp), jpeg.scan))
     except (TiffError, expat.ExpatError, ValueError) as fault:
         raise InputError(path, f"cannot be tagged: {fault}; leave --exif out") from fault
 
 
-def _replaced(jpeg: Jpeg, exif: bytes, xmp: bytes) -> list[Segment]:
+def _replace_segments(jpeg: Jpeg, exif: bytes, xmp: bytes) -> list[Segment]:
     """Put new EXIF and XMP before the other segments, after a JFIF header."""
     rest = [
         segment

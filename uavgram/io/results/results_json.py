@@ -252,11 +252,11 @@ def _load_reason(record: Record) -> Reason:
 
 
 def _dump_remedy(remedy: Remedy) -> Record:
-    changes = [_without_empty(encode(one)) for one in remedy.corrections]
+    changes = [_remove_empty(encode(one)) for one in remedy.corrections]
     return {"action": remedy.action, "words": remedy.words, "corrections": changes}
 
 
-def _without_empty(record: Record) -> Record:
+def _remove_empty(record: Record) -> Record:
     return {key: value for key, value in record.items() if value not in ("", None, [])}
 
 
@@ -468,13 +468,13 @@ def _load_provenance(record: Record) -> Provenance:
             )
             for path, one in record["inputs"].items()
         ),
-        options=tuple((key, _frozen(value)) for key, value in record["options"].items()),
+        options=tuple((key, _convert_to_tuples(value)) for key, value in record["options"].items()),
         packages=tuple((name, decode(str, text)) for name, text in record["packages"].items()),
     )
 
 
-def _frozen(value: Json) -> Any:  # noqa: ANN401
-    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
+def _convert_to_tuples(value: Json) -> Any:  # noqa: ANN401
+    return tuple(_convert_to_tuples(item) for item in value) if isinstance(value, list) else value
 
 
 LEARNT_KEYS = {"ratio": "sigma_ratio", "shift": "shift_prior_sigmas"}
@@ -563,14 +563,14 @@ def _dump_noise(noise: Noise | None) -> Record | None:
     if noise is None:
         return None
     return {
-        "picks": {one.source: _without(encode(one), "source") for one in noise.picks},
-        "roughness": {one.area: _without(encode(one), "area") for one in noise.roughness},
+        "picks": {one.source: _remove_key(encode(one), "source") for one in noise.picks},
+        "roughness": {one.area: _remove_key(encode(one), "area") for one in noise.roughness},
         "lengths": encode(noise.lengths),
         "identification": encode(noise.identification),
     }
 
 
-def _without(record: Record, key: str) -> Record:
+def _remove_key(record: Record, key: str) -> Record:
     return {other: value for other, value in record.items() if other != key}
 
 

@@ -115,16 +115,16 @@ def results_schema() -> Record:
         "verdict": _record(Verdict, reasons=_array(_reason())),
         "provenance": _record(
             Provenance,
-            inputs=_by_name(_object({"sha256": _TEXT, "bytes": _WHOLE})),
-            options=_by_name({}),
-            packages=_by_name(_TEXT),
+            inputs=_make_mapping_schema(_object({"sha256": _TEXT, "bytes": _WHOLE})),
+            options=_make_mapping_schema({}),
+            packages=_make_mapping_schema(_TEXT),
         ),
         "world": _object(place | _properties(World, without=("origin",))),
         "camera": _record(Calibration),
         "clock": _object(
             dict.fromkeys(("offset_s", "sigma_s", "drift_ppm", "drift_sigma_ppm"), _NUMBER)
         ),
-        "shared": _shared(),
+        "shared": _make_shared_schema(),
         "areas": _array(_object({"name": _TEXT} | _plane())),
         "frames": _array(_object(row_schema(FRAMES) | _poses())),
         "points": _array(_object(row_schema(POINTS) | _ellipse() | {"relative": _relative()})),
@@ -173,7 +173,7 @@ def schema_of(hint: Any) -> Record:  # noqa: ANN401
     """
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _annotated(inner[0], inner[1:])
+        return _make_array_schema(inner[0], inner[1:])
     if origin in (Union, UnionType):
         return _or_null(schema_of(inner[0]))
     if origin is Literal:
@@ -187,7 +187,7 @@ def schema_of(hint: Any) -> Record:  # noqa: ANN401
     raise TypeError(f"{hint!r} has no form in JSON")
 
 
-def _annotated(kind: Any, marks: Sequence[object]) -> Record:  # noqa: ANN401
+def _make_array_schema(kind: Any, marks: Sequence[object]) -> Record:  # noqa: ANN401
     """Return the schema of an array by its shape, or of a tuple."""
     item = next((item for one, item in _ITEMS if one == kind), None)
     if item is None:
@@ -207,7 +207,7 @@ def _properties(
     about = _descriptions(owner)
     names = [one.name for one in fields(owner) if one.name not in without]
     schemas = {name: (given or {}).get(name) or schema_of(hints[name]) for name in names}
-    return {name: _described(schema, about.get(name)) for name, schema in schemas.items()}
+    return {name: _add_description(schema, about.get(name)) for name, schema in schemas.items()}
 
 
 def _record(owner: type[Any], /, **given: Record) -> Record:
@@ -223,9 +223,9 @@ def row_schema(table: Table[Any]) -> dict[str, Record]:
         column = schema_of(hints[name])
         names, one = table.column(name), column["items"]
         if names.keys:
-            found |= {key: _described(one["items"], about.get(name)) for key in names.keys}
+            found |= {key: _add_description(one["items"], about.get(name)) for key in names.keys}
         else:
-            found[names.key or name] = _described(one, about.get(name))
+            found[names.key or name] = _add_description(one, about.get(name))
     return found
 
 
@@ -239,7 +239,7 @@ def _descriptions(owner: type[Any]) -> dict[str, str]:
     return about
 
 
-def _described(schema: Record, text: str | None) -> Record:
+def _add_description(schema: Record, text: str | None) -> Record:
     return {**schema, "description": text} if text else schema
 
 
@@ -247,28 +247,28 @@ def _object(
     properties: Mapping[str, Record], optional: Sequence[str] | Mapping[str, Any] = ()
 ) -> Record:
     required = [key for key in properties if key not in optional]
-    own = {key: _with_unit(key, _limited(key, one)) for key, one in properties.items()}
+    own = {key: _add_unit(key, _limit_by_key(key, one)) for key, one in properties.items()}
     return {"type": "object", "properties": own, "required": required}
 
 
-def _limited(key: str, schema: Record) -> Record:
+def _limit_by_key(key: str, schema: Record) -> Record:
     """Return the schema of a value with the numeric limits for its key."""
     is_share = key.endswith("probability")
     if not is_share and not SIGMA_KEY.fullmatch(key) and key not in NOT_NEGATIVE:
         return schema
-    return _with_limits(schema, {"minimum": 0, **({"maximum": 1} if is_share else {})})
+    return _add_limits(schema, {"minimum": 0, **({"maximum": 1} if is_share else {})})
 
 
-def _with_limits(schema: Record, limits: Record) -> Record:
+def _add_limits(schema: Record, limits: Record) -> Record:
     if "items" in schema:
-        return {**schema, "items": _with_limits(schema["items"], limits)}
+        return {**schema, "items": _add_limits(schema["items"], limits)}
     if "anyOf" in schema:
-        return {**schema, "anyOf": [_with_limits(one, limits) for one in schema["anyOf"]]}
+        return {**schema, "anyOf": [_add_limits(one, limits) for one in schema["anyOf"]]}
     kinds = schema.get("type", ())
     return {**schema, **limits} if "number" in kinds or kinds == "integer" else schema
 
 
-def _with_unit(key: str, schema: Record) -> Record:
+def _add_unit(key: str, schema: Record) -> Record:
     """Return the schema of a value whose description includes the unit at the end of its key."""
     unit = UNITS_OF_KEYS.get(key) or UNITS.get(key.rpartition("_")[2] if "_" in key else "")
     if unit is None or schema.get("type") == "object":
@@ -282,7 +282,7 @@ def _array(item: Record, size: int | None = None) -> Record:
     return {"type": "array", "items": item, **bounds}
 
 
-def _by_name(item: Record) -> Record:
+def _make_mapping_schema(item: Record) -> Record:
     """Return the schema of an object whose keys are names of the survey."""
     return {"type": "object", "additionalProperties": item}
 
@@ -297,7 +297,7 @@ def _estimate(numbers: int) -> Record:
     return _object({"value": part, "sigma": part})
 
 
-def _shared() -> Record:
+def _make_shared_schema() -> Record:
     learnt = _properties(CameraUpdate)
     return _object(
         {
@@ -308,7 +308,7 @@ def _shared() -> Record:
             "heading_bias_deg": _or_null(_estimate(1)),
             "readout_s": _or_null(_estimate(1)),
             "plane": _object(_plane()),
-            "tape_scale": _by_name(_estimate(1)),
+            "tape_scale": _make_mapping_schema(_estimate(1)),
             "intrinsics": _object({LEARNT_KEYS.get(key, key): one for key, one in learnt.items()}),
         }
     )
@@ -340,8 +340,8 @@ def _measurements(links: dict[str, Record]) -> Record:
 def _noise() -> Record:
     return _object(
         {
-            "picks": _by_name(_object(_properties(PickNoise, without=("source",)))),
-            "roughness": _by_name(_object(_properties(AreaNoise, without=("area",)))),
+            "picks": _make_mapping_schema(_object(_properties(PickNoise, without=("source",)))),
+            "roughness": _make_mapping_schema(_object(_properties(AreaNoise, without=("area",)))),
             "lengths": _or_null(_record(EstimatedSigma)),
             "identification": _or_null(_record(EstimatedSigma)),
         }

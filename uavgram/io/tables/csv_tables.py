@@ -25,20 +25,20 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram import input_files
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.model import limits
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.limits import (
     LARGEST_NUMBER,
     LONGEST_NAME,
     UNSHOWABLE,
-    choice_fault,
+    find_choice_fault,
+    find_name_fault,
     find_unshowable,
+    find_value_fault,
     has_decimal_comma,
-    name_fault,
     range_of,
     replace_decimal_comma,
-    value_fault,
 )
 
 _LINE = re.compile(r"[^\r\n]+")
@@ -68,7 +68,9 @@ class Block(NamedTuple):
 
 def read_header(path: Path) -> tuple[int, list[str]] | None:
     """Read line and stripped cells of the first line that is not blank; None where all are."""
-    return next(((line, _stripped(cells)) for line, cells in _records(path, read_text(path))), None)
+    return next(
+        ((line, _strip_cells(cells)) for line, cells in _records(path, read_text(path))), None
+    )
 
 
 def read_blocks(path: Path) -> Iterator[Block]:
@@ -156,7 +158,7 @@ def _records(path: Path, text: str, mark: str = "") -> Iterator[tuple[int, list[
         ) from fault
 
 
-def _stripped(cells: Sequence[str]) -> list[str]:
+def _strip_cells(cells: Sequence[str]) -> list[str]:
     return list(map(str.strip, cells))
 
 
@@ -407,7 +409,7 @@ class _Column:
             odd = np.flatnonzero((numbers < least) | (numbers > most)).tolist()
             values = [(row, float(numbers[row])) for row in odd]
             faults += [
-                (row, f"{self.name} {value_fault(self.name, value)} (got {value:g})")
+                (row, f"{self.name} {find_value_fault(self.name, value)} (got {value:g})")
                 for row, value in values
             ]
             return [*faults, *wrong]
@@ -424,13 +426,13 @@ class _Column:
             faults += [
                 (row, f"{self.name} {fault} (it begins with {cell[:32]!r})")
                 for row, cell in enumerate(cells)
-                if (fault := name_fault(cell))
+                if (fault := find_name_fault(cell))
             ]
         if self._choices:
             faults += [
                 (row, f"{self.name} {fault}")
                 for row, cell in enumerate(cells)
-                if cell and (fault := choice_fault(cell, self._choices))
+                if cell and (fault := find_choice_fault(cell, self._choices))
             ]
         self.texts += [self._known.setdefault(cell, cell) for cell in cells]
         return faults
@@ -448,7 +450,7 @@ def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
     for name in dict.fromkeys(header):
         if name in columns.known:
             continue
-        hint = near_miss(name, absent if columns.others else columns.known)
+        hint = suggest_spelling(name, absent if columns.others else columns.known)
         if hint or not (columns.others and name):
             known = f"known are {', '.join(columns.known)}"
             faults.append(f"unknown column {name!r}: {hint or known}")

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.measure import read_parameters, read_points, request_fault
@@ -91,9 +91,9 @@ def read_known_points(path: str | Path) -> KnownPoints:
     """
     table = read_table(path, Columns(text=("label",), optional_numbers=_ALL))
     kind: Literal["geodetic", "local"] = (
-        "geodetic" if _chosen(table, *_COORDINATES.values()) == 0 else "local"
+        "geodetic" if _choose_columns(table, *_COORDINATES.values()) == 0 else "local"
     )
-    sigmas = (_ONE_SIGMA, THREE_SIGMAS)[_chosen(table, _ONE_SIGMA, THREE_SIGMAS)]
+    sigmas = (_ONE_SIGMA, THREE_SIGMAS)[_choose_columns(table, _ONE_SIGMA, THREE_SIGMAS)]
     names = _COORDINATES[kind]
     _check_cells(table, (*names, *sigmas))
     table.require_unique("label", "label")
@@ -107,7 +107,7 @@ def read_known_points(path: str | Path) -> KnownPoints:
     )
 
 
-def _chosen(table: Table, *choices: tuple[str, ...]) -> int:
+def _choose_columns(table: Table, *choices: tuple[str, ...]) -> int:
     """Choose the one of two sets of columns that the header has: one complete set, or an error."""
     present = [[name for name in choice if name in table.header] for choice in choices]
     written = " or ".join(", ".join(choice) for choice in choices)
@@ -156,7 +156,7 @@ def read_known(path: str | Path) -> KnownThings:
     points, parameters = [], []
     for row, kind in enumerate(table.text["kind"]):
         if kind and kind not in KNOWN_KINDS:
-            table.add_fault(row, _unknown(kind))
+            table.add_fault(row, _explain_unknown_kind(kind))
         is_known = kind in KNOWN_KINDS
         parameters.append(
             read_parameters(table, row, kind, (), KNOWN_KINDS[kind].parameters) if is_known else ()
@@ -176,11 +176,11 @@ def read_known(path: str | Path) -> KnownThings:
     )
 
 
-def _unknown(kind: str) -> str:
+def _explain_unknown_kind(kind: str) -> str:
     """Describe the mistake in a kind."""
     if kind in NOT_KNOWN:
         return f"kind {kind!r} cannot be known: {NOT_KNOWN[kind]}"
-    hint = near_miss(kind, KNOWN_KINDS) or f"known are {', '.join(KNOWN_KINDS)}"
+    hint = suggest_spelling(kind, KNOWN_KINDS) or f"known are {', '.join(KNOWN_KINDS)}"
     return f"unknown kind {kind!r}: {hint}"
 
 

@@ -6,9 +6,9 @@ import itertools
 from pathlib import Path
 from typing import get_args
 
-from uavgram.errors import near_miss
+from uavgram.errors import suggest_spelling
 from uavgram.io.tables.csv_tables import Columns, Table, number_hint, parse_number, read_table
-from uavgram.model.limits import name_fault
+from uavgram.model.limits import find_name_fault
 from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind, MeasurementRequest
 
 MEASURE_COLUMNS = Columns(
@@ -33,7 +33,7 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
         if kind not in MEASUREMENT_FORMS:
             if kind:
                 known = get_args(MeasurementKind)
-                hint = near_miss(kind, known) or f"known are {', '.join(known)}"
+                hint = suggest_spelling(kind, known) or f"known are {', '.join(known)}"
                 table.add_fault(row, f"unknown kind {kind!r}: {hint}")
             continue
         form = MEASUREMENT_FORMS[kind]
@@ -120,8 +120,10 @@ def read_points(
     points = tuple(label.strip() for label in written.split(";"))
     if not written:
         return ()
-    for label in filter(name_fault, points):
-        table.add_fault(row, f"points: a label {name_fault(label)} (it begins with {label[:32]!r})")
+    for label in filter(find_name_fault, points):
+        table.add_fault(
+            row, f"points: a label {find_name_fault(label)} (it begins with {label[:32]!r})"
+        )
     if not all(points):
         table.add_fault(row, f"points holds an empty label (got {written!r})")
     least, most = count
@@ -167,7 +169,7 @@ def read_parameters(
         if not equals:
             table.add_fault(row, f"parameters must be name=number joined by ';' (got {part!r})")
         elif name not in known:
-            hint = near_miss(name, known) or f"it has {', '.join(known) or 'none'}"
+            hint = suggest_spelling(name, known) or f"it has {', '.join(known) or 'none'}"
             table.add_fault(row, f"unknown parameter {name!r} of kind {kind}: {hint}")
         elif name in found:
             table.add_fault(row, f"parameter {name!r} is there twice: remove one")

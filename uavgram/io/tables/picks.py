@@ -52,7 +52,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     _check_heights(table)
     areas = [area and repr(area) for area in table.text["area"]]
     _check_same(table, "area", areas, "is in one area")
-    score, from_u, from_v = (_of_program(table, name) for name in _PROGRAM_NUMBERS)
+    score, from_u, from_v = (_read_program_numbers(table, name) for name in _PROGRAM_NUMBERS)
     table.raise_faults()
     return Picks(
         image=table.text["image"],
@@ -71,7 +71,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     )
 
 
-def _of_program(table: Table, name: str) -> Floats:
+def _read_program_numbers(table: Table, name: str) -> Floats:
     """Read the numbers (P,) of rows made by the program; in others the column is the user's own."""
     numbers = np.full(len(table.line), np.nan)
     for row, (text, source) in enumerate(zip(table.text[name], table.text["source"], strict=True)):
@@ -88,10 +88,10 @@ def _of_program(table: Table, name: str) -> Floats:
 def _check_heights(table: Table) -> None:
     """Report labels with two different heights or sigmas, and sigmas without a height."""
     is_free, sigmas = table.has_word["height_m"], table.numbers["height_sigma_m"]
-    heights = _written(table.numbers["height_m"])
+    heights = _format_numbers(table.numbers["height_m"])
     words = ["free" if free else text for free, text in zip(is_free, heights, strict=True)]
     _check_same(table, "height_m", words, "has one height")
-    _check_same(table, "height_sigma_m", _written(sigmas), "has one height")
+    _check_same(table, "height_sigma_m", _format_numbers(sigmas), "has one height")
     stated = {label for label, text in zip(table.text["label"], heights, strict=True) if text}
     for row in np.flatnonzero(np.isfinite(sigmas)).tolist():
         if table.text["label"][row] not in stated:
@@ -102,7 +102,7 @@ def _check_heights(table: Table) -> None:
             )
 
 
-def _written(numbers: Floats) -> list[str]:
+def _format_numbers(numbers: Floats) -> list[str]:
     return ["" if math.isnan(number) else repr(number) for number in numbers.tolist()]
 
 

@@ -107,7 +107,7 @@ def rewrite_table(
     records = list(_records(text, separator))
     at = next(i for i, record in enumerate(records) if not record.is_blank)
     header = [_plain(cell, separator) for cell in records[at].cells]
-    kept = _compared(before, after, key)
+    kept = _compare_rows(before, after, key)
     wanted = [*kept.changes.values(), *(row for rows in kept.added.values() for row in rows)]
     new = [
         name
@@ -116,8 +116,8 @@ def rewrite_table(
     ]
     ends = records[at].end or "\n"
     writer = _Writer([*header, *new], separator, _comma_columns(records[at + 1 :], header))
-    written = _written(records, at, writer, kept, len(new), others)
-    ended = _ended(written, ends, records[-1].end)
+    written = _write_records(records, at, writer, kept, len(new), others)
+    ended = _add_line_endings(written, ends, records[-1].end)
     return mark + "".join(record.text(separator) for record in ended).encode()
 
 
@@ -177,7 +177,7 @@ class _Writer:
         return cell.getvalue().removesuffix(f"{self.separator}\r\n")
 
 
-def _compared(before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]) -> _Kept:
+def _compare_rows(before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]) -> _Kept:
     """Assign the new rows to rows of the file, and find the changes.
 
     Rows are matched by their keys, in order. Where keys differ at one place, a row with the same
@@ -193,7 +193,7 @@ def _compared(before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str
             same = dict(zip(range(b0, b1), range(a0, a1), strict=True))
         else:
             olds, news = range(a0, a1), range(b0, b1)
-            same = _renamed(before, after, olds, news, key, at_end=a1 == len(before))
+            same = _pair_renamed_rows(before, after, olds, news, key, at_end=a1 == len(before))
         for j in range(b0, b1):
             if j not in same:
                 kept.added.setdefault(last, []).append(after[j])
@@ -206,7 +206,7 @@ def _compared(before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str
     return kept
 
 
-def _renamed(
+def _pair_renamed_rows(
     before: Sequence[Cells],
     after: Sequence[Cells],
     olds: range,
@@ -232,7 +232,7 @@ def _renamed(
     return pairs
 
 
-def _written(
+def _write_records(
     records: Sequence[_Record],
     at: int,
     writer: _Writer,
@@ -268,7 +268,7 @@ def _written(
         yield from (_Record((writer.line(row),), "") for row in kept.added.get(row_number, ()))
 
 
-def _ended(records: Iterator[_Record], end: str, last_end: str) -> Iterator[_Record]:
+def _add_line_endings(records: Iterator[_Record], end: str, last_end: str) -> Iterator[_Record]:
     """Give each record a line ending; the last one has none where the file's last one had none."""
     earlier: _Record | None = None
     for record in records:
@@ -364,13 +364,13 @@ def _pick_cells(picks: Picks) -> list[Cells]:
             "height_m": "free" if picks.is_free[i] else _optional(float(picks.height_m[i])),
             "height_sigma_m": _optional(float(picks.height_sigma_m[i])),
             "area": areas[i],
-            **_made_by(picks, i),
+            **_format_origin(picks, i),
         }
         for i in range(len(picks.image))
     ]
 
 
-def _made_by(picks: Picks, i: int) -> Cells:
+def _format_origin(picks: Picks, i: int) -> Cells:
     """Format the origin of a pick; empty for one made by hand."""
     source = picks.source_of(i)
     u, v = picks.from_px[i].tolist()

@@ -124,7 +124,7 @@ class Noise:
     lengths: EstimatedSigma | None = None
     identification: EstimatedSigma | None = None
 
-    def called(self, picks: PickNoise) -> str:
+    def describe_picks(self, picks: PickNoise) -> str:
         """Return the name of the picks of one source; just picks where people made all."""
         people_alone = [one.source for one in self.picks] == ["hand"]
         return "picks" if people_alone else PICKED[picks.source]

@@ -162,20 +162,20 @@ def _update_pick(state: State, there: Pick, do: c.Place) -> State:
 
 
 def _repeat(state: State, do: c.Repeat) -> State:
-    there = _required(state, do.image, do.label)
+    there = _require_pick(state, do.image, do.label)
     count = sum(pick.key == there.key for pick in state.picks)
     stated = {**there.height, "area": there.area, "again": count}
     return replace(state, picks=(*state.picks, Pick(**vars(do), **stated)))
 
 
 def _unpick(state: State, do: c.Unpick) -> State:
-    there = _required(state, do.image, do.label)
+    there = _require_pick(state, do.image, do.label)
     kept = tuple(pick for pick in state.picks if pick.key != there.key)
     return remove_matches(replace(state, picks=kept), there)
 
 
 def _set_sigma(state: State, do: c.SetSigma) -> State:
-    there = _required(state, do.image, do.label)
+    there = _require_pick(state, do.image, do.label)
     return _set_pick(state, there, replace(there, sigma_px=do.sigma_px))
 
 
@@ -248,7 +248,7 @@ def _drop_was(do: c.SetLine | c.SetMeasurement) -> dict[str, Any]:
     return {name: value for name, value in vars(do).items() if name != "was"}
 
 
-def _required(state: State, image: str, label: str) -> Pick:
+def _require_pick(state: State, image: str, label: str) -> Pick:
     there = state.pick(image, label)
     if there is None:
         raise RefusedError(f"{label!r} is not picked in {image!r}")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from uavgram.io.tables.measure import points_fault
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.state import Pick, State, remove_matches
@@ -179,7 +179,8 @@ def _keep_one_pick_each(state: State, do: c.Merge) -> State:
     both = {image for image, label in keys if label == do.label and (image, do.into) in keys}
     if both and do.keep not in {do.label, do.into}:
         raise RefusedError(
-            f"{do.label!r} and {do.into!r} are both picked in {listed(sorted(both), _MAX_NAMED)}: "
+            f"{do.label!r} and {do.into!r} are both picked in "
+            f"{join_names(sorted(both), _MAX_NAMED)}: "
             "say whose picks stay there, or remove one of them"
         )
     going = do.label if do.keep == do.into else do.into
@@ -195,7 +196,8 @@ def _refuse_zero_lengths(before: State, after: State, do: c.Merge) -> None:
     lost += [new.name for old, new in asked if points_fault(new) and not points_fault(old)]
     if lost:
         raise RefusedError(
-            f"{do.label!r} and {do.into!r} stand as two points in {listed(lost, _MAX_NAMED)}: as "
+            f"{do.label!r} and {do.into!r} stand as two points in {join_names(lost, _MAX_NAMED)}: "
+            f"as "
             "one they leave nothing to measure there. Remove that first, if they are one point"
         )
 

@@ -56,7 +56,7 @@ class Outcome:
 Outcomes = Mapping[Pair, Outcome]
 
 
-ENOUGH = 3
+MIN_LIKE_PHOTOS = 3
 """Number of photos that must show a point with like surroundings for its matches to be sure.
 
 On three rendered streets with cars and without stated heights, 46 of 460 matches are off by more
@@ -70,7 +70,8 @@ def select_certain(outcomes: Outcomes) -> set[Pair]:
     return {
         (image, label)
         for (image, label), one in outcomes.items()
-        if one.found and (one.found.source == "target" or (one.is_alike and alike[label] >= ENOUGH))
+        if one.found
+        and (one.found.source == "target" or (one.is_alike and alike[label] >= MIN_LIKE_PHOTOS))
     }
 
 

@@ -88,7 +88,7 @@ def control_lines_json(inputs: Inputs) -> list[m.ControlLine]:
     ]
 
 
-def named_labels(inputs: Inputs) -> list[str]:
+def list_hidden_labels(inputs: Inputs) -> list[str]:
     """Return the labels of tables that the page does not show, and those painted in the sample."""
     names = {*chain(*inputs.known.points, *inputs.control_lines.points)}
     return sorted(names.union(PAINTED_LABELS if is_sample(Path(inputs.project_path)) else ()))

@@ -24,11 +24,11 @@ from uavgram.pipeline.pick.places import KnownPlaces
 from uavgram.views.units import (
     convert_sentence,
     format_fixed,
-    quantity,
+    format_quantity,
+    format_value,
     select_like_lengths,
-    sorted_magnitudes,
+    sort_magnitudes,
     table_unit,
-    value_text,
 )
 
 _DIGITS = 7
@@ -142,7 +142,7 @@ def quantity_words(value: float, sigma: float, unit: str) -> m.Words:
     """
     if not math.isfinite(value):
         return lambda _: ""
-    return partial(quantity if math.isfinite(sigma) else value_text, value, sigma, unit)
+    return partial(format_quantity if math.isfinite(sigma) else format_value, value, sigma, unit)
 
 
 def table_words(value_m: float, places: int) -> m.Words:
@@ -180,7 +180,7 @@ def collect_lengths(message: Any, state: State) -> tuple[float, ...]:  # noqa: A
         values += [line["adjusted_m"] for line in message["lines"].values()]
         measured = [one for one in message["measurements"].values() if one["unit"] == "m"]
         values += [one[key] for one in measured for key in ("value", "sigma")]
-    return sorted_magnitudes(values)
+    return sort_magnitudes(values)
 
 
 def convert_units(
@@ -224,6 +224,6 @@ def convert_units(
         return message
     if "changes" in message:  # a button's text gives the length that it would set
         made = [change.get("length_m") for change in message["changes"]]
-        exact = sorted_magnitudes([*exact, *made])
+        exact = sort_magnitudes([*exact, *made])
         worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
     return {key: value_of(key, value) for key, value in message.items()}

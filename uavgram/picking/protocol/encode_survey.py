@@ -36,7 +36,7 @@ from uavgram.pipeline.pick.live_survey import LinearUpdate, LiveAdjustment
 from uavgram.stages.messages import order_messages
 from uavgram.views.formatting import KNOWN_STATUS_WORDS, alternatives_text
 from uavgram.views.survey.verdict import list_named_picks
-from uavgram.views.units import INCH_M, spread_text, value_text
+from uavgram.views.units import INCH_M, format_sigma, format_value
 
 _PIXEL_DIGITS = 4
 METRES_OF_A_DEGREE = 111_320.0
@@ -228,12 +228,12 @@ def _height_words(height_m: float, sigma_m: float) -> m.HeightWords:
     side = f"{'below' if is_below else 'above'} the ground"
 
     def sentence(units: Units) -> str:
-        spread = f", \u00b1 {spread_text(sigma_m, 'm', units)}" if sigma_m > 0 else ""
-        return f"{value_text(away, sigma_m, 'm', units)} {side}{spread}"
+        spread = f", \u00b1 {format_sigma(sigma_m, 'm', units)}" if sigma_m > 0 else ""
+        return f"{format_value(away, sigma_m, 'm', units)} {side}{spread}"
 
     def tag(units: Units) -> str:
         arrow = "\u2193" if is_below else "\u2191"
-        return arrow + value_text(away, max(sigma_m, TAG_M), "m", units)
+        return arrow + format_value(away, max(sigma_m, TAG_M), "m", units)
 
     return {"height": quantity_words(height_m, sigma_m, "m"), "sentence": sentence, "tag": tag}
 
@@ -392,7 +392,7 @@ def _advice(adjusted: LiveAdjustment) -> m.Advice | None:
     )
 
     def words(units: Units) -> str:
-        about = value_text(float(advice.length_m), math.nan, "m", units)
+        about = format_value(float(advice.length_m), math.nan, "m", units)
         return (
             f"Tape {start} \u2013 {end} (about {about}) next: distances between the points would "
             f"be known to {after} instead of {before}. "

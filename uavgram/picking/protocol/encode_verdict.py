@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
 from uavgram.model.message import Correction, Message, Remedy
-from uavgram.model.naming import counted, listed
+from uavgram.model.naming import format_count, join_names
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
@@ -79,7 +79,7 @@ def describe_undetectable(result: Result) -> str:
     ]
     if not weak:
         return ""
-    names = listed(weak, MAX_NAMES)
+    names = join_names(weak, MAX_NAMES)
     return f"A tape read 0.10 m wrong would not show in {names}: tape one more length near it."
 
 
@@ -431,7 +431,7 @@ def describe_unchecked(rows: MeasurementResults, links: WeakestLinks | None) -> 
         unchecked = links.unchecked[i]
         own = [one for one in unchecked if any(repr(label) in one for label in rows.points[i])]
         others = len(unchecked) - 1
-        more = f", nor in {counted(others, 'other given value')}" if others else ""
+        more = f", nor in {format_count(others, 'other given value')}" if others else ""
         named = (own or unchecked)[0]
         found[i] = f"no error would show in the {_CAMERA_WORDS.get(named, named)}{more}"
     return found

@@ -20,10 +20,10 @@ from uavgram.io.tables.measure import (
 from uavgram.model.camera import LensModel
 from uavgram.model.limits import (
     LONGEST_NAME,
-    choice_fault,
+    find_choice_fault,
+    find_name_fault,
     find_unshowable,
-    name_fault,
-    value_fault,
+    find_value_fault,
 )
 from uavgram.model.observations import MEASUREMENT_FORMS, Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
@@ -160,7 +160,7 @@ class _Fields:
         value = value.strip()
         if not value and not empty:
             _refuse(f"{name} is empty")
-        if fault := name_fault(value):
+        if fault := find_name_fault(value):
             _refuse(f"{name} {fault}")
         if fault := find_unshowable(value):
             _refuse(f"{name} holds {fault}: type it again")
@@ -183,7 +183,7 @@ class _Fields:
         for one in known:
             if one == value:
                 return one
-        _refuse(f"{name} {choice_fault(value, known)}")
+        _refuse(f"{name} {find_choice_fault(value, known)}")
 
     def flag(self, name: str, *, default: bool | None = None) -> bool:
         value = default if default is not None and name not in self._data else self._take(name)
@@ -204,7 +204,9 @@ class _Fields:
         value = self._take(name)
         if not isinstance(value, int | float) or isinstance(value, bool):
             _refuse(f"{_UNIT.sub('', name)} must be a number")
-        fault = value_fault("" if fault_of else name, value)  # a whole number may have any size
+        fault = find_value_fault(
+            "" if fault_of else name, value
+        )  # a whole number may have any size
         if fault := fault or (fault_of(value) if fault_of else ""):
             _refuse(f"{_UNIT.sub('', name)} {fault}")
         return float(value)

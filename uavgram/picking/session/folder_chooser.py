@@ -17,7 +17,7 @@ from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.io.files import check_inside
 from uavgram.io.folders import Browsable, ListedFolder, count_photos, find_home_and_drives
-from uavgram.model.limits import LONGEST_NAME, find_unshowable, value_fault
+from uavgram.model.limits import LONGEST_NAME, find_unshowable, find_value_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
 from uavgram.picking.document.commands import RefusedError
@@ -67,7 +67,9 @@ class FolderChooser:
             "folder": None if chosen is None else self._number(chosen),
             "is_chosen": named is not None and self._is_chosen(named),
             "opens": self._opens,
-            "recent": [self._listed(count_photos(path)) for path in self._recent if path.is_dir()],
+            "recent": [
+                self._describe_folder(count_photos(path)) for path in self._recent if path.is_dir()
+            ],
         }
 
     def _is_chosen(self, named: Path) -> bool:
@@ -78,7 +80,7 @@ class FolderChooser:
         """Return the current folder at the start, or the home; None if neither may be listed."""
         for path in (Path.cwd(), *self._folders.roots[:1]):
             try:
-                return self._folders.checked(path.resolve())
+                return self._folders.check_folder(path.resolve())
             except (InputError, OSError):
                 continue
         return None
@@ -114,7 +116,7 @@ class FolderChooser:
     def _project(self, folder: Path) -> Path:
         return folder / self._files.get(folder, PROJECT)
 
-    def listed(self, number: str) -> m.ListedFolders:
+    def list_folders(self, number: str) -> m.ListedFolders:
         """Return the folders in a folder, and the path to it; an empty number lists the roots.
 
         Raises
@@ -130,7 +132,9 @@ class FolderChooser:
                 "are_inner": False,
                 "is_flight": False,
                 "has_project": False,
-                "folders": [self._listed(count_photos(root)) for root in self._folders.roots],
+                "folders": [
+                    self._describe_folder(count_photos(root)) for root in self._folders.roots
+                ],
             }
         folder = self._folder(number)
         root = self._folders.root_of(folder) or folder
@@ -143,10 +147,10 @@ class FolderChooser:
             "are_inner": own.are_inner,
             "is_flight": own.is_flight(self._collections),
             "has_project": own.has_project,
-            "folders": [self._listed(one) for one in self._folders.folders_in(folder)],
+            "folders": [self._describe_folder(one) for one in self._folders.folders_in(folder)],
         }
 
-    def looked(self, number: str) -> m.Found:
+    def find_project_files(self, number: str) -> m.Found:
         """Return the files of a folder that a project can use.
 
         Raises
@@ -209,13 +213,13 @@ class FolderChooser:
             raise RefusedError("the folder was not looked through: choose it again")
         if change := _describe_change(found, inspect_folder(folder)):
             raise RefusedError(change)
-        return set_up(folder, _wanted(fields, found))
+        return set_up(folder, _parse_setup(fields, found))
 
     def _folder(self, number: str) -> Path:
         if number.isdecimal():
             for folder, own in self._numbers.items():
                 if own == int(number[:12]):
-                    return self._folders.checked(folder)
+                    return self._folders.check_folder(folder)
         raise RefusedError("there is no such folder")
 
     def _number(self, folder: Path) -> int:
@@ -226,7 +230,7 @@ class FolderChooser:
             return "Home"
         return folder.name or str(folder)
 
-    def _listed(self, one: ListedFolder) -> m.Listed:
+    def _describe_folder(self, one: ListedFolder) -> m.Listed:
         return {
             "number": self._number(one.path),
             "name": self._name(one.path),
@@ -264,7 +268,7 @@ def _no_number(text: str) -> NoReturn:
     raise RefusedError(f"{text} is no number")
 
 
-def _wanted(fields: dict[str, Any], found: FolderSummary) -> SetupChoices:
+def _parse_setup(fields: dict[str, Any], found: FolderSummary) -> SetupChoices:
     """Return the set-up requested by a page, after checking that all named files were found."""
     patterns = [photos.pattern for photos in found.photos]
     images = fields.get("images", [])
@@ -329,7 +333,7 @@ def _pitch(said: object) -> float | Auto:
 
 def _sigma(said: object, what: str) -> float:
     value = _number(said, what)
-    if fault := value_fault("sigma", value):
+    if fault := find_value_fault("sigma", value):
         raise RefusedError(f"{what} {fault}")
     return value
 

@@ -78,7 +78,7 @@ class Outputs:
             inputs = json.loads(self.read(RESULTS) or b"")["provenance"]["inputs"]
             self.made_of = frozenset(str(one["sha256"]) for one in inputs.values())
 
-    def shown(self) -> m.Results | None:
+    def summarise_results(self) -> m.Results | None:
         """Return the results in words; None if there are none or they cannot be read."""
         if not self._has(RESULTS):
             return None
@@ -96,7 +96,7 @@ class Outputs:
         """Identifier that changes with each results.json that `look` finds; empty without one."""
         return "" if self._stamp is None else "-".join(map(str, self._stamp))
 
-    def listed(self) -> list[m.OutputFile]:
+    def list_files(self) -> list[m.OutputFile]:
         """Return the existing files with their titles; a file beside a locked one has its name."""
         latest = {name: self._latest(name).name for name in FILES if self._has(name)}
         return [

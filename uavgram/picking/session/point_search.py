@@ -42,12 +42,12 @@ from uavgram.stages.match import (
 
 log = logging.getLogger(__name__)
 
-ALIKE = 0.8
+MIN_CORRELATION = 0.8
 """Least correlation, as in the matching, of a match's and its pick's surroundings to be alike."""
 
 OFF_GROUND = "the point is probably not on the ground: pick it by hand, or state its height"
 
-AT_ONCE = 64
+BATCH_SIZE = 64
 """Number of places searched between two reports."""
 
 
@@ -215,7 +215,7 @@ class PointSearch:
             if self._newest.is_outdated(wanted):
                 return False
             left -= len(some)
-            self._take(places, some, picks, self._looked(places, some, picks), left)
+            self._take(places, some, picks, self._search_places(places, some, picks), left)
         return not self._newest.is_outdated(wanted)
 
     def _withdraw(self, places: AdjustedPlaces) -> None:
@@ -257,7 +257,7 @@ class PointSearch:
                 results[pair] = _as_find(pick, place, one.radius_px)
             elif pick is not None:
                 results[pair] = Missed(pick, one.radius_px, one.why)
-        record = Record().with_results(results)
+        record = Record().add_results(results)
         raised = places.find_raised_labels(self._survey, picks, record)
         changed: dict[Pair, Outcome] = {}
         for pair in record.found:
@@ -281,15 +281,15 @@ class PointSearch:
     def _batches(self, places: PredictedPlaces, rows: Ints) -> Iterator[Ints]:
         """Yield the places in decoded photos; then the others, photo by photo."""
         ready = np.array([self._photos.photos.has(places.image[row]) for row in rows], np.bool_)
-        for first in range(0, int(ready.sum()), AT_ONCE):
-            yield rows[ready][first : first + AT_ONCE]
+        for first in range(0, int(ready.sum()), BATCH_SIZE):
+            yield rows[ready][first : first + BATCH_SIZE]
         later: dict[str, list[int]] = {}
         for row in rows[~ready].tolist():
             later.setdefault(places.image[row], []).append(row)
         for own in later.values():
             yield np.array(own, dtype=np.int64)
 
-    def _looked(self, places: PredictedPlaces, rows: Ints, picks: Picks) -> Matches | str:
+    def _search_places(self, places: PredictedPlaces, rows: Ints, picks: Picks) -> Matches | str:
         """Return the matches at some places, or the reason if a photo cannot be read."""
         source = [picks.image[i] for i in places.pick[rows]]
         target = [places.image[row] for row in rows]
@@ -316,7 +316,7 @@ class PointSearch:
         left
             Number of places still to be searched.
         """
-        new, stated = {}, _stated(found, places.is_raised[rows])
+        new, stated = {}, _compute_pick_sigmas(found, places.is_raised[rows])
         for k, row in enumerate(rows.tolist()):
             i, image, label = int(places.pick[row]), places.image[row], places.label[row]
             (u, v), at = picks.pixel_px[i].tolist(), picks.image[i]
@@ -343,7 +343,7 @@ class PointSearch:
                     from_v_px=v,
                 )
                 turn = places.affine[row]
-                alike = self._likeness(place, turn) >= ALIKE
+                alike = self._likeness(place, turn) >= MIN_CORRELATION
                 own = self._targets.target_at(place, turn)
                 new[image, label] = replace(outcome, found=own, is_alike=alike)
         self.proposed.put(new, left, always=True)
@@ -363,7 +363,7 @@ def _as_find(pick: int, place: c.Place, radius_px: float) -> Found:
     return Found(pick, pixel, place.sigma_px or np.nan, place.score or np.nan, radius_px)
 
 
-def _stated(found: Matches | str, is_raised: Bools) -> Floats:
+def _compute_pick_sigmas(found: Matches | str, is_raised: Bools) -> Floats:
     """Return the sigmas (n,) that picks at the matches would have; NaN without matches."""
     if isinstance(found, str):
         return np.full(len(is_raised), np.nan)

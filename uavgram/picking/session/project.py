@@ -62,7 +62,7 @@ class OpenProject:
         self._outside = FileWatch(survey.inputs)
         self.outputs = Outputs(Path(self.picking.output))
         self.calibration = CalibrationJob(self._path, broadcast)
-        self._written_then = self._written()
+        self._written_then = self._describe_outputs()
         self._aside = find_oldest(self.outputs.folder)
         self.refuses = ""
 
@@ -99,8 +99,8 @@ class OpenProject:
         """Return everything that a page needs at its start."""
         return {
             **self.picking.initial_state(),
-            "outputs": self._written(),
-            "outside": self._outside.changed(self.picking.changed_outside()),
+            "outputs": self._describe_outputs(),
+            "outside": self._outside.find_changed_files(self.picking.find_changed_tables()),
             "calibration": self.calibration.last_message,
             "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
@@ -110,9 +110,9 @@ class OpenProject:
         if self.refuses:
             return
         before = self._outside.last_changed
-        if (now := self._outside.changed(self.picking.changed_outside())) != before:
+        if (now := self._outside.find_changed_files(self.picking.find_changed_tables())) != before:
             self._broadcast({"t": "outside", "files": now})
-        if (written := self._written()) != self._written_then:
+        if (written := self._describe_outputs()) != self._written_then:
             self._written_then = written
             self._broadcast({"t": "outputs", "outputs": written})
 
@@ -128,7 +128,7 @@ class OpenProject:
             case c.Refuse():
                 self.picking.refuse(action)
             case c.Export():
-                return await self._exported()
+                return await self._export()
             case c.Folders():
                 return {
                     "t": "folders",
@@ -149,7 +149,7 @@ class OpenProject:
                 return {"t": "done", "refused": await self._deal_with_aside(take=is_taken)}
         return {"t": "done"}
 
-    async def _exported(self) -> m.Exported:
+    async def _export(self) -> m.Exported:
         """Save and run the project; return its outputs, or the reason for none."""
         async with self._busy:  # one at a time, even if several pages ask
             self.picking.save()
@@ -158,7 +158,7 @@ class OpenProject:
             version = self.picking.version
             await to_thread.run_sync(self._run)
         await to_thread.run_sync(self.outputs.look)
-        self._written_then = self._written()
+        self._written_then = self._describe_outputs()
         written: m.Outputs = {**self._written_then, "version": version}
         self._broadcast({"t": "outputs", "outputs": written})
         return {"t": "exported", "outputs": written}
@@ -180,13 +180,13 @@ class OpenProject:
     def _changes(self, aside: SetAside) -> Changes:
         return list_changes(aside, self.picking.state, self.picking.index)
 
-    def _written(self) -> m.Outputs:
+    def _describe_outputs(self) -> m.Outputs:
         """Return the outputs, with the number of the present state if they were made from it."""
         made_of = self.outputs.made_of
         is_current = made_of is not None and made_of == self.picking.inputs_now()
         return {
             "folder": str(self.outputs.folder),
-            "files": self.outputs.listed(),
+            "files": self.outputs.list_files(),
             "recording": self.outputs.has_recording,
             "stamp": self.outputs.stamp,
             "version": self.picking.version if is_current else None,

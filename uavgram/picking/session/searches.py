@@ -12,7 +12,7 @@ from dataclasses import replace
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError
 from uavgram.imaging.photos.cache import GreyPhotos
-from uavgram.imaging.plates import sight_board_plate, sight_large_plates
+from uavgram.imaging.plates import detect_board_plate, detect_large_plates
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.observations import RejectedPlate, SeenPlate
@@ -26,7 +26,7 @@ from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.targets import list_named_points
-from uavgram.stages.plates import TargetRow, asked_centers, rows_of
+from uavgram.stages.plates import TargetRow, list_requested_centers, rows_of
 
 log = logging.getLogger(__name__)
 
@@ -155,17 +155,19 @@ class PlateSearch:
             if targets is None or self._newest.is_outdated(state):
                 return
             if name not in self._seen:
-                self._seen[name] = self._sighted(name, targets)
+                self._seen[name] = self._detect_plates(name, targets)
                 self._propose(state)
 
-    def _sighted(self, name: str, targets: TargetOptions) -> tuple[SeenPlate, ...]:
+    def _detect_plates(self, name: str, targets: TargetOptions) -> tuple[SeenPlate, ...]:
         """Return the plates in a photo; none if it cannot be read, which other searches report."""
         try:
             if targets.is_board:
-                return sight_board_plate(self._photos.photos.get(name), parse_board(targets.family))
+                return detect_board_plate(
+                    self._photos.photos.get(name), parse_board(targets.family)
+                )
             factor = self._reduction(name)
             small = self._photos.photos.get(name) if factor == 1 else self._read(name, factor)
-            return sight_large_plates(
+            return detect_large_plates(
                 small, factor, lambda: self._photos.photos.get(name), targets.family
             )
         except InputError as why:
@@ -186,7 +188,7 @@ class PlateSearch:
             p.plate for some in self._seen.values() for p in some if p.left_out is RejectedPlate.NO
         }
         named, known = list_named_points(now)
-        rows = rows_of(self._seen, asked_centers(plates, named, known, picks))
+        rows = rows_of(self._seen, list_requested_centers(plates, named, known, picks))
         new = {(row.image, row.label): _outcome(row) for row in rows}
         self._proposed.put(new, gone=self._no_more(new))
 

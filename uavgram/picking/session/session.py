@@ -36,7 +36,7 @@ from uavgram.picking.protocol.encode_project import (
     clock_json,
     control_lines_json,
     flight_json,
-    named_labels,
+    list_hidden_labels,
     photos_json,
     planned_json,
     sample_json,
@@ -104,7 +104,7 @@ class PickSession:
         self._thumbnails: LruCache[int, bytes] = LruCache(
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
-        self._live = AdjustmentWorkers(survey, self.index, self._adjusted)
+        self._live = AdjustmentWorkers(survey, self.index, self._publish_adjustment)
         self._search = Searches(survey, self._sought)
         self._is_resting = True  # no step is unfinished
 
@@ -120,13 +120,13 @@ class PickSession:
 
     def open(self) -> None:
         """Start: adjust the present state, and decode the photo that a page shows first."""
-        self._tiled.read_ahead(self._most_picked())
+        self._tiled.read_ahead(self._find_most_picked_photo())
         self._live.start()
         self._search.start()
         self._search.submit(SearchInput(self.state, None))
         self._live.submit(Task(self.version, self.state, final=True))
 
-    def _most_picked(self) -> int:
+    def _find_most_picked_photo(self) -> int:
         counts = Counter(pick.image for pick in self.state.picks)
         return max(range(len(self.photos)), key=lambda k: counts[self.photos[k].name])
 
@@ -144,9 +144,9 @@ class PickSession:
         """Release the project without saving."""
         self._saver.close()
 
-    def changed_outside(self) -> tuple[str, ...]:
+    def find_changed_tables(self) -> tuple[str, ...]:
         """Return the names of tables that another program changed meanwhile."""
-        return self._saver.changed_outside()
+        return self._saver.find_changed_tables()
 
     def initial_state(self) -> m.PickingState:
         """Return everything that a page needs at its start."""
@@ -167,13 +167,13 @@ class PickSession:
             "flight": flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
-            "named": named_labels(inputs),
+            "named": list_hidden_labels(inputs),
             "sample": sample_json(inputs),
             "planned": planned_json(
                 inputs.planned, inputs.project.units, sought=inputs.project.targets is not None
             ),
             "control_lines": control_lines_json(inputs),
-            "expected": self._expected(),
+            "expected": self._predict_places(),
             "recovered": self.recovered is not None,
             "messages": messages_json(
                 (
@@ -200,7 +200,7 @@ class PickSession:
         found: m.Answer
         match message.body:
             case c.Snap():
-                found = self._snapped(message.body)
+                found = self._snap(message.body)
             case c.SameGround():
                 found = same_ground_json(self.survey, self._live.last, message.body, self.index)
             case c.SideView():
@@ -212,7 +212,7 @@ class PickSession:
         found["seq"] = message.seq
         return found
 
-    def _snapped(self, asked: c.Snap) -> m.Snapped | m.NotSnapped:
+    def _snap(self, asked: c.Snap) -> m.Snapped | m.NotSnapped:
         photo = self._tiled.pixels(self.index[asked.image])
         label, expected, match = asked.expected, None, None
         if label and self.state.pick(asked.image, label) is None:
@@ -337,7 +337,7 @@ class PickSession:
             "redo": len(self.session.future),
         }
 
-    def _expected(self) -> list[m.Predicted]:
+    def _predict_places(self) -> list[m.Predicted]:
         return expected_json(predict_known_places(self.survey, self._live.last), self.index)
 
     def _sought(self, outcomes: Outcomes, labels: Collection[str], left: int) -> None:
@@ -348,10 +348,10 @@ class PickSession:
         outcomes = self._search.outcomes
         return proposals_json(outcomes, self.index, {label for _, label in outcomes}, 0)
 
-    def _adjusted(self, version: int, found: m.Adjustment) -> None:
+    def _publish_adjustment(self, version: int, found: m.Adjustment) -> None:
         answer = cast("m.Live", {"t": "live", "for": version, **found})
         if answer["mode"] != "linearised":
-            answer["expected"] = self._expected()
+            answer["expected"] = self._predict_places()
             self._last_message = answer
         self._broadcast(answer)
         if found["mode"] == "adjusted" and self._is_resting:  # a drag has the cores for itself

@@ -154,13 +154,13 @@ class AdjustmentWorkers:
         """Answer tasks at once if that helps, and pass all on to the full adjustment."""
         task: Task | None = None
         while (task := self._newest.newer(task)) is not None:
-            rests = self._at_once(task) and not task.final
+            rests = self._update_linearly(task) and not task.final
             with self._newest.changed:
                 self._waiting = task
                 self._due_s = time.monotonic() + (REST_S if rests else 0.0)
                 self._newest.changed.notify_all()
 
-    def _at_once(self, task: Task) -> bool:
+    def _update_linearly(self, task: Task) -> bool:
         """Answer to first order; return False if only the full adjustment applies."""
         with self._answering:
             last = self.last

@@ -1,10 +1,13 @@
 """Journal of changes: each is on disk before it is confirmed, and is recovered after a crash.
 
-One JSON object a line. ``open`` holds the content of the tables at the start of a session, with
-their digests; a command is written as the page sent it, after it was checked and applied;
-``saving`` and ``saved`` enclose each writing of the tables. A new session applies the commands to
-the content in ``open``, not to the tables, which a kill may have left half written: so each command
-counts exactly once.
+Each line is a JSON object:
+
+* ``open``: content and digests of the tables at the start of a session;
+* a command as the page sent it, after it was checked and applied;
+* ``saving`` and ``saved``: before and after the tables are written.
+
+To recover, a new session applies the commands to the content in ``open``. It does not apply them to
+the tables, which may be half written, so each command is applied exactly once.
 
 A journal whose changes cannot be recovered is put aside, and the page offers them. Once accepted,
 each change is handled like one that the page sends: all are checked, kept, and undone in one step.
@@ -94,7 +97,7 @@ class Journal:
         """Record the digests of the tables that are about to be written."""
         self._append({"do": "saving", "files": dict(digests)})
 
-    def saved(self) -> None:
+    def record_save(self) -> None:
         """Record that the tables hold all changes up to here."""
         self._append({"do": "saved"})
 

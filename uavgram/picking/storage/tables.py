@@ -117,13 +117,13 @@ class Tables:
                 self._journal.saving(_digests(wanted))
             for role in todo:
                 self._write(role, wanted[role])
-            self._journal.saved()
+            self._journal.record_save()
         except OutputError as fault:
             return str(fault)
         self._pending = False
-        return self._unnamed(wanted)
+        return self._advise_on_unnamed(wanted)
 
-    def changed_outside(self) -> tuple[str, ...]:
+    def find_changed_tables(self) -> tuple[str, ...]:
         """Return the names of tables that another program changed since their last use here."""
         try:
             return tuple(
@@ -209,7 +209,7 @@ class Tables:
             f"here is saved beside it ({others})"
         )
 
-    def _unnamed(self, wanted: Contents) -> str:
+    def _advise_on_unnamed(self, wanted: Contents) -> str:
         """Return advice if the project file does not name a table that was made; else empty."""
         made = [r for r in ROLES if not self._named[r] and wanted[r] is not None]
         if not made:
@@ -232,7 +232,7 @@ class Tables:
         state = left.session.state
         if state == self._files:
             return None
-        if reason := self._why_not(left, photos):
+        if reason := self._explain_refusal(left, photos):
             self._put_aside(journal, reason)
             return None
         text = (
@@ -242,7 +242,7 @@ class Tables:
         self.messages = (Message("warning", "pick-recovered", text),)
         return state
 
-    def _why_not(self, left: JournalContent, photos: frozenset[str]) -> str:
+    def _explain_refusal(self, left: JournalContent, photos: frozenset[str]) -> str:
         """Return why the changes of a journal cannot be recovered; empty if they can."""
         state = self._files if left.session is None else left.session.state
         if not left.fits(_digests(self._original)):
@@ -343,7 +343,7 @@ class FileWatch:
         self._seen: dict[Path, tuple[Stamp, bool]] = {}
         self.last_changed: list[str] = []
 
-    def changed(self, others: Sequence[str] = ()) -> list[str]:
+    def find_changed_files(self, others: Sequence[str] = ()) -> list[str]:
         """Return the names of the files that differ from those read, `others` among them."""
         self.last_changed = sorted(
             {*(path.name for path in self._files if self._differs(path)), *others}

@@ -1,11 +1,15 @@
 """Access control: only this machine, this browser, this page.
 
-The server listens on 127.0.0.1 alone. That keeps other machines out, but not other pages of the
-same browser, so: the printed address holds a random token, which is exchanged for a cookie that
-only this site sends along (SameSite=Strict) and scripts cannot read; the Host must be ours, or a
-foreign name that resolves to 127.0.0.1 (DNS rebinding) would do; and the socket's Origin must be
-ours, because browsers let any page open a socket anywhere. SameSite does not distinguish ports, so
-requests embedded in a page of another local server are recognised by Sec-Fetch-Site.
+The server listens on 127.0.0.1 alone, which keeps other machines out. Against other pages of the
+same browser:
+
+* The printed address has a random token. It is exchanged for a cookie that only this site sends
+  (SameSite=Strict) and that scripts cannot read.
+* The Host must be ours: otherwise a foreign name that resolves to 127.0.0.1 (DNS rebinding) would
+  be accepted.
+* The Origin of the socket must be ours, because browsers let any page open a socket anywhere.
+* SameSite does not distinguish ports, so requests embedded in a page of another local server are
+  recognised by Sec-Fetch-Site.
 
 Cookies do not distinguish ports either: the browser sends ours to every other server of this
 machine that it visits. So the token also brings the key of a tab, behind the # of the address,
@@ -244,11 +248,11 @@ class Guard:
             return
         given = connection.query_params.get("token")
         if scope["type"] == "http" and given is not None:
-            await self._exchanged(connection, given)(scope, receive, _strict(send))
+            await self._exchange_token(connection, given)(scope, receive, _strict(send))
             return
         has_key = equal_in_constant_time(connection.query_params.get(KEY, ""), self._tab_key)
         is_open = _OF_THE_PROGRAM.fullmatch(scope["path"]) is not None
-        if not self._known(connection) or not (is_open or has_key):
+        if not self._is_authorised(connection) or not (is_open or has_key):
             log.warning("refused %r: %s", scope["path"][:80], NO_KEY)
             await self._refuse(scope, receive, send, NO_KEY)
             return
@@ -274,7 +278,7 @@ class Guard:
             return "an address of this page is never that long"
         return ""
 
-    def _known(self, connection: HTTPConnection) -> bool:
+    def _is_authorised(self, connection: HTTPConnection) -> bool:
         return equal_in_constant_time(connection.cookies.get(self._cookie, ""), self._key)
 
     def _fresh(self, connection: HTTPConnection) -> Response:
@@ -293,14 +297,14 @@ class Guard:
         self.tabs.expect()
         return PlainTextResponse(f"{way}?token={self._tokens.new(LASTS_S)}")
 
-    def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
+    def _exchange_token(self, connection: HTTPConnection, given: str) -> Response:
         """Exchange a token, once, for cookie and key, and redirect to the address without it."""
         # A second slash at the beginning would lead to another computer.
         way = f"/{URL(scope=connection.scope).path.lstrip('/')}"
         if self._tokens.use(given):
             self._entered()
             way = f"{way}#{self._tab_key}"
-        elif not self._known(connection):
+        elif not self._is_authorised(connection):
             return HTMLResponse(make_refusal("This address was used already, or is too old."), 403)
         answer: Response = RedirectResponse(way, 303)
         if connection.headers.get("sec-fetch-site", "none") != "none":

@@ -96,10 +96,10 @@ class ProjectHost:
             ],
             lifespan=life,
         )
-        shown.router.default = self._of_project
+        shown.router.default = self._answer_for_project
         return shown
 
-    async def _of_project(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _answer_for_project(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request with the routes of the open project."""
         if self._routes is not None:
             await self._routes(scope, receive, send)
@@ -144,10 +144,10 @@ class ProjectHost:
         return await _answer(self.door.beginning)
 
     async def _folders(self, request: Request) -> Response:
-        return await _answer(self.door.listed, request.query_params.get("folder", ""))
+        return await _answer(self.door.list_folders, request.query_params.get("folder", ""))
 
     async def _look(self, request: Request) -> Response:
-        return await _answer(self.door.looked, request.query_params.get("folder", ""))
+        return await _answer(self.door.find_project_files, request.query_params.get("folder", ""))
 
     async def _picture(self, request: Request) -> Response:
         folder, group = (request.query_params.get(key, "") for key in ("folder", "group"))
@@ -179,7 +179,7 @@ class ProjectHost:
                         return JSONResponse(
                             {"why": OPEN_ALREADY.format(name), "open": name}, CANNOT
                         )
-                    if fault := self.pick.unsaved():
+                    if fault := self.pick.save_or_explain():
                         raise RefusedError(f"{name} stays open: {fault}")
                 project = await to_thread.run_sync(self.door.begin, body)
                 if self.pick is not None and self.pick.path == project.resolve():
@@ -198,7 +198,7 @@ class ProjectHost:
             if self.pick is not None:
                 if request.query_params.get("to") == "setup":
                     self.door.choose(self.pick.path.parent)
-                fault = self.pick.unsaved()
+                fault = self.pick.save_or_explain()
                 if fault:
                     return _refuse(RefusedError(f"The project stays open: {fault}"))
                 await self._close()

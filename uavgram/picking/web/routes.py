@@ -164,7 +164,7 @@ class Files:
 
     async def results(self, _: Request) -> Response:
         """Serve the findings of the last run, in words."""
-        shown = await to_thread.run_sync(self._project.outputs.shown)
+        shown = await to_thread.run_sync(self._project.outputs.summarise_results)
         if shown is None:
             return JSONResponse({"why": "There are no results yet: write them on the page."}, 404)
         return JSONResponse(shown, headers={"cache-control": "no-store"})

@@ -1,11 +1,11 @@
 """Running servers of this user: a second start, as after a lost tab, leads to the first one.
 
-Each server leaves a locked file in the user's own folder, which only that user can read: its port,
-and a secret. A request with the secret gets an address with a token for one browser. A file that
-nobody holds locked is of a killed server; another program may use its port by now.
+Each server keeps a locked file with its port and a secret in a folder that only its user can read.
+A request with the secret is answered with an address that has a token for one browser. If the file
+is not locked, its server was killed, and another program may use the port.
 
-The page's address holds a token, and other users can read command lines in the list of processes;
-so the browser is given a file that only its own user can read.
+The browser is started with a file instead of the page's address: the address has a token, and other
+users can read command lines in the list of processes.
 """
 
 from __future__ import annotations
@@ -81,18 +81,18 @@ def servers_folder(platform: str = sys.platform, environ: Mapping[str, str] = os
     return (stated if stated.is_absolute() else Path.home() / usual) / "uavgram"
 
 
-def _of_this_machine() -> str:
+def _prefix_of_machine() -> str:
     """Return the beginning of the names of the files: several machines may share a home."""
     return re.sub(r"\W", "_", socket.gethostname()) + "-"
 
 
 @contextlib.contextmanager
-def left_for_others(door: ServerAddress) -> Iterator[None]:
+def announce_server(door: ServerAddress) -> Iterator[None]:
     """Keep a file with port and secret, for this user alone, while the server listens."""
     held = None
     try:
-        folder = _made(servers_folder())
-        held = FileLock(folder / f"{_of_this_machine()}{door.port}{_SUFFIX}")
+        folder = _make_folder(servers_folder())
+        held = FileLock(folder / f"{_prefix_of_machine()}{door.port}{_SUFFIX}")
         held.write(json.dumps(asdict(door)))
     except (OSError, RuntimeError, UavgramError) as fault:  # the page works without it
         log.warning("a second start will not find this page (%s)", type(fault).__name__)
@@ -104,13 +104,13 @@ def left_for_others(door: ServerAddress) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def one_start_at_a_time() -> Iterator[None]:
+def wait_for_other_start() -> Iterator[None]:
     """Wait until another start of this user has left its file, as after a double click."""
     held = None
     latest = time.monotonic() + STARTS_WITHIN_S
     while held is None and time.monotonic() < latest:
         try:
-            held = FileLock(_made(servers_folder()) / f"{_of_this_machine()}start.lock")
+            held = FileLock(_make_folder(servers_folder()) / f"{_prefix_of_machine()}start.lock")
         except BlockingIOError:
             time.sleep(_LOOK_EVERY_S)
         except (OSError, UavgramError) as fault:  # it works without it
@@ -123,7 +123,7 @@ def one_start_at_a_time() -> Iterator[None]:
             held.release()
 
 
-def _made(folder: Path) -> Path:
+def _make_folder(folder: Path) -> Path:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     return folder
 
@@ -196,7 +196,7 @@ def address(port: int, token: str, way: str = "/") -> str:
 
 def _doors() -> Iterator[ServerAddress]:
     """Yield the running servers of this user on this machine; remove what killed ones left."""
-    for path in sorted(servers_folder().glob(f"{_of_this_machine()}*{_SUFFIX}")):
+    for path in sorted(servers_folder().glob(f"{_prefix_of_machine()}*{_SUFFIX}")):
         if not is_locked(path):
             with contextlib.suppress(OSError):
                 path.unlink()

@@ -89,7 +89,7 @@ class PickServer:
         """Return whether a tab shows it, or work on it is under way."""
         return bool(self._pages) or self.project.is_busy
 
-    def unsaved(self) -> str:
+    def save_or_explain(self) -> str:
         """Save; return the reason if that failed, else an empty text."""
         self._save()
         return self.picking.fault
@@ -125,7 +125,7 @@ class PickServer:
             while True:
                 text = await page.receive_text()
                 await self._in_turn(pace)
-                answer = await self._answered(text, waiting)
+                answer = await self._answer(text, waiting)
                 await waiting.put(answer)
         except WebSocketDisconnect as gone:
             fault = FAULTS_OF_THE_PAGE.get(gone.code)
@@ -157,7 +157,7 @@ class PickServer:
                     break
             await page.close(TRY_AGAIN_LATER)  # it missed messages: it is to reconnect
 
-    async def _answered(self, text: str, own: _Waiting) -> m.ServerMessage:
+    async def _answer(self, text: str, own: _Waiting) -> m.ServerMessage:
         """Carry out a message of a page, send the changes to the other pages, and answer."""
         try:
             message = parse_message(text, self.picking.photos)

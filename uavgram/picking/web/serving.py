@@ -26,7 +26,7 @@ from uavgram.picking.web import running_server
 from uavgram.picking.web.guard import Guard
 from uavgram.picking.web.project_host import ProjectHost, RunProject
 from uavgram.pipeline.process_settings import return_large_blocks
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 
 log = logging.getLogger(__name__)
 
@@ -77,7 +77,7 @@ def open_socket(port: int) -> socket.socket:
     return door
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def serve(
     wanted: Path | None,
     announce: Callable[[str], None],
@@ -136,7 +136,7 @@ def serve(
         )
         with (
             shut_down_orderly(),
-            running_server.left_for_others(running_server.ServerAddress(bound, guard[0].secret)),
+            running_server.announce_server(running_server.ServerAddress(bound, guard[0].secret)),
         ):
             PageServer(config, guard[0], desk).run(sockets=[door])
 

@@ -40,7 +40,7 @@ from uavgram.stages.refine.readjustment import readjust
 from uavgram.stages.refine.tie_outliers import remove_wrong_ties
 from uavgram.stages.refine.tied_frames import add_tied_frames
 
-UNEVEN_M = 0.1
+MIN_ROUGHNESS_M = 0.1
 """Least roughness of ground without a larger statement [m]: crown, gutter and kerb of a road."""
 
 RAISED_M = 0.8, 1.0
@@ -51,7 +51,7 @@ MIN_HEIGHT_M = 0.25
 """Least height of a point off the ground [m]: below, the find is taken for the ground behind its
 edge."""
 
-ENOUGH = 3
+MIN_AGREEING_PHOTOS = 3
 """Photos that must agree on an unknown height: any two agree on one."""
 
 BESIDE = "what looks like it is the ground beside it"
@@ -61,21 +61,21 @@ TRIED_AGAIN = (LeftOutCause.UNDETERMINED, LeftOutCause.NOT_JOINED)
 """Causes of left-out picks that finds may bring back."""
 
 
-WRONG = 25.0
+WRONG_CHI_SQUARE = 25.0
 """Squared sigmas above which a match is wrong: chi-square with two degrees of freedom exceeds it
 with a probability of 1 in 270,000."""
 
-WRONG_RAISED = 9.2
+WRONG_RAISED_CHI_SQUARE = 9.2
 """Squared sigmas for points off the ground, whose sigma is wide: exceeded with a probability of 1
 in a hundred."""
 
 MAX_ROUNDS = 8
 """Largest number of rounds in which such matches are left out."""
 
-SPREAD = 2.0
+MIN_SPREAD_FACTOR = 2.0
 """Factor of the matches' sigmas above which one of them may have spread its error over all."""
 
-BETTER = 0.8
+MAX_SPREAD_RATIO = 0.8
 """Share to which the square of that factor must fall without a find that spread its error."""
 
 
@@ -162,7 +162,7 @@ class BaseAdjustment:
         """Remove those of some earlier matches (P,) that no longer fit; also return their mask."""
         unfit = np.zeros(len(asked), dtype=np.bool_)
         if asked.any():
-            unfit[list(self._tried({}).out)] = True
+            unfit[list(self._try_finds({}).out)] = True
             unfit &= asked
         picks = append_matches(self.inputs.picks, {}, keep=~unfit)
         return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
@@ -182,17 +182,17 @@ class BaseAdjustment:
             matched[survey.pick_label[survey.matches.pick]] = True
         return (np.isin(survey.label, sorted(free)) | survey.is_free) & ~matched
 
-    def adjusted(self, found: Mapping[Pair, Found]) -> Adjusted:
+    def adjust_finds(self, found: Mapping[Pair, Found]) -> Adjusted:
         """Adjust with the finds.
 
         A find with a large error spreads it over few others, so that none is an outlier: a find
         without which all others fit much better is contradicted too.
         """
-        tried = self._tried(found)
-        while tried.factor > SPREAD and tried.worst is not None:
+        tried = self._try_finds(found)
+        while tried.factor > MIN_SPREAD_FACTOR and tried.worst is not None:
             kept = tried.kept - {tried.worst}
-            rest = self._tried({pair: one for pair, one in found.items() if pair in kept})
-            if rest.factor**2 > BETTER * tried.factor**2:
+            rest = self._try_finds({pair: one for pair, one in found.items() if pair in kept})
+            if rest.factor**2 > MAX_SPREAD_RATIO * tried.factor**2:
                 break
             tried = rest
         wrong = dict.fromkeys(sorted(frozenset(found) - tried.kept), CONTRADICTED)
@@ -208,7 +208,11 @@ class BaseAdjustment:
         free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
         height = compute_heights_at(tried.adjustment, tried.adjustment.state)
         photos = _photos_of_labels(survey)
-        alone = {name for name, count in zip(survey.label, photos, strict=True) if count < ENOUGH}
+        alone = {
+            name
+            for name, count in zip(survey.label, photos, strict=True)
+            if count < MIN_AGREEING_PHOTOS
+        }
         low = {survey.label[k] for k in np.flatnonzero(np.abs(height) < MIN_HEIGHT_M)}
         return {
             pair: ALONE if pair[1] in alone else BESIDE
@@ -216,7 +220,7 @@ class BaseAdjustment:
             if pair[1] in free & (alone | low)
         }
 
-    def _tried(self, found: Mapping[Pair, Found]) -> _Trial:
+    def _try_finds(self, found: Mapping[Pair, Found]) -> _Trial:
         """Adjust with some finds, without outliers."""
         picks = append_matches(self.inputs.picks, found)
         survey = assemble_survey(replace(self.inputs, picks=picks), self.posed).survey
@@ -229,7 +233,7 @@ class BaseAdjustment:
         is_unplaced = np.isin(survey.label, sorted(unplaced))
         keep = self.keep & ~_mark_repeated(survey, is_unplaced)
         label = survey.pick_label[survey.matches.pick][survey.matches.point]
-        matches = survey.matches.without(is_unplaced[label])[0]
+        matches = survey.matches.remove(is_unplaced[label])[0]
         survey = replace(survey, matches=matches, is_free=survey.is_free & ~is_unplaced)
         adjustment = self._best(survey, keep)
         for _ in range(MAX_ROUNDS):  # now the ground and known heights take part
@@ -238,15 +242,15 @@ class BaseAdjustment:
                 break
             out |= wrong
             gone = np.isin(survey.matches.row, list(wrong)) & _is_found(survey, picks)
-            survey = replace(survey, matches=survey.matches.without(gone)[0])
+            survey = replace(survey, matches=survey.matches.remove(gone)[0])
             adjustment = self._best(survey, keep)
         factor = max((one.factor for one in sound.noise if one.source == "match"), default=0.0)
-        worst = _worst(adjustment, picks) if factor > SPREAD else None
+        worst = _worst(adjustment, picks) if factor > MIN_SPREAD_FACTOR else None
         gone_pairs = {(picks.image[i], picks.label[i]) for i in out}
         denied = _find_denied_labels(adjustment)
         rest = {pair: one for pair, one in found.items() if pair[1] not in denied}
         if len(rest) < len(found):
-            return self._tried(rest)
+            return self._try_finds(rest)
         kept = frozenset(found) - gone_pairs
         return _Trial(adjustment, kept, factor, worst, frozenset(out), unplaced)
 
@@ -277,7 +281,7 @@ class BaseAdjustment:
         refined = self.refined
         survey = set_free_heights(survey, sorted(refined.off_ground))
         rough = tuple(
-            replace(ground, roughness_sigma_m=max(ground.roughness_sigma_m, UNEVEN_M))
+            replace(ground, roughness_sigma_m=max(ground.roughness_sigma_m, MIN_ROUGHNESS_M))
             for ground in survey.grounds
         )
         alone = survey.is_free & (_photos_of_labels(survey) < 2)
@@ -373,7 +377,7 @@ def mark_sound_clicks(taking: Participants, blank: Collection[str]) -> Bools:
             adjustment = refined.adjustment
             block, seen = adjustment.minimum.blocks["pixels"], adjustment.survey
             misfit = compute_reductions(block, adjustment.covariance)
-            wrong = _mark_worst(misfit, WRONG, (seen.pick_frame, seen.pick_label))
+            wrong = _mark_worst(misfit, WRONG_CHI_SQUARE, (seen.pick_frame, seen.pick_label))
             if not wrong.any():
                 break
             keep[refined.pick_index[wrong]] = False
@@ -418,7 +422,7 @@ def find_unplaced(taking: Participants, blank: Collection[str]) -> frozenset[str
     some[columns, np.arange(len(labels))] = 1.0
     spread = adjustment.minimum.factor.solve(some)[columns]
     height = compute_heights_at(adjustment, adjustment.state)[labels]
-    uneven = [max(ground.roughness_sigma_m, UNEVEN_M) for ground in survey.grounds]
+    uneven = [max(ground.roughness_sigma_m, MIN_ROUGHNESS_M) for ground in survey.grounds]
     on_ground = find_ground_points(height, spread, np.array(uneven)[survey.area[unsure]])
     return frozenset(survey.label[k] for k in np.flatnonzero(unsure)[~on_ground])
 
@@ -510,7 +514,7 @@ def _find_misfits(adjustment: Adjustment, picks: Picks) -> set[int]:
     misfit = _misfits(adjustment, picks)
     survey = adjustment.survey
     label = survey.pick_label[sightings.pick][sightings.point]
-    most = np.where(survey.off_ground[label], WRONG_RAISED, WRONG)
+    most = np.where(survey.off_ground[label], WRONG_RAISED_CHI_SQUARE, WRONG_CHI_SQUARE)
     wrong = _mark_worst(misfit, most, (sightings.frame, sightings.point))
     return set(sightings.row[wrong].tolist())
 

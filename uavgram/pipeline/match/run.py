@@ -28,7 +28,7 @@ from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, rea
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.picks_table import lock_tables, save_picks
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.match import Matches, Pair, measure_rotation_rad
 
 
@@ -40,7 +40,7 @@ class RemovedMatches:
     removed: int
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def match_picks(
     project: str | os.PathLike[str],
     asked: Selection | None = None,
@@ -92,8 +92,8 @@ def match_picks(
         replaced=int(gone.sum() + unfit.sum()),
         kept=int(before.sum() - gone.sum() - unfit.sum()),
         not_sought=tuple(label for label in labels if label not in from_labels),
-        unplaced=_unplaced(base, search.adjustment, asked),
-        turned_rad=_turned_rad(search.adjustment),
+        unplaced=_find_unplaced_photos(base, search.adjustment, asked),
+        turned_rad=_measure_turn_rad(search.adjustment),
     )
 
 
@@ -148,14 +148,16 @@ def _make_filter(base: BaseAdjustment, asked: Selection) -> Callable[[Pair], boo
     return lambda pair: pair not in there and pair[0] not in copies and asked.has(pair)
 
 
-def _turned_rad(adjustment: Adjustment) -> float:
+def _measure_turn_rad(adjustment: Adjustment) -> float:
     prior = adjustment.survey.telemetry
     if prior is None:
         return 0.0
     return measure_rotation_rad(adjustment.state.telemetry[BORESIGHT], prior.boresight_sigma_rad)
 
 
-def _unplaced(base: BaseAdjustment, adjustment: Adjustment, asked: Selection) -> tuple[str, ...]:
+def _find_unplaced_photos(
+    base: BaseAdjustment, adjustment: Adjustment, asked: Selection
+) -> tuple[str, ...]:
     telemetry = base.posed.telemetry
     placed = {*adjustment.survey.frame_id, *(() if telemetry is None else telemetry.poses.frame_id)}
     placed |= set(find_project_duplicates(base.inputs).photos)

@@ -127,7 +127,7 @@ def search_all_photos(
             )
         else:
             break
-        before, record = record, record.with_results(looked)
+        before, record = record, record.add_results(looked)
         if record.found != before.found:
             record, adjustment, unplaced = _drop_contradicted(base, record)
     unsure = {pair: UNPLACED for pair in record.found if pair[1] in unplaced}
@@ -137,7 +137,7 @@ def search_all_photos(
     if not (_knows_ground(base, adjustment) or shows_ground(evidence, on_ground)):
         blank = find_blank_labels(base.inputs.picks)
         unsure |= {pair: GROUNDLESS for pair in record.found if pair[1] in blank}
-    return Search(record.without(unsure), adjustment, unplaced)
+    return Search(record.revoke_finds(unsure), adjustment, unplaced)
 
 
 def _knows_ground(base: BaseAdjustment, adjustment: Adjustment) -> bool:
@@ -173,14 +173,16 @@ def _free_heights(
         if labels:
             freed = base.free_heights(labels)
             with suppress(GeometryError):
-                return freed, _drop_contradicted(freed, record.without_labels(labels))
+                return freed, _drop_contradicted(freed, record.remove_labels(labels))
     return None
 
 
 def _drop_contradicted(base: BaseAdjustment, record: Record) -> Search:
     """Adjust with the finds, and drop contradicted ones."""
-    adjusted = base.adjusted(record.found)
-    return Search(record.without(adjusted.contradicted), adjusted.adjustment, adjusted.unplaced)
+    adjusted = base.adjust_finds(record.found)
+    return Search(
+        record.revoke_finds(adjusted.contradicted), adjusted.adjustment, adjusted.unplaced
+    )
 
 
 def _candidates(base: BaseAdjustment, adjustment: Adjustment) -> Candidates:
@@ -234,7 +236,7 @@ def _revoke_contradicted(
         off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
         sigma = np.hypot([one.sigma_px for one in own.values()], MIN_PX)
         for row in some[find_contradicted(off, joint, sigma)].tolist():
-            results[candidates.pair[row]] = own[row].missed(CONTRADICTED)
+            results[candidates.pair[row]] = own[row].revoke(CONTRADICTED)
     return results
 
 
@@ -261,7 +263,7 @@ def _revoke_repeated(
             off = np.array(one.pixel_px) - places.pixel_px[row]
             spread = places.covariance_px2[row] + one.sigma_px**2 * np.eye(2)
             if off @ np.linalg.solve(spread, off) > REGION_SQUARED:
-                results[pair] = one.missed(CONTRADICTED)
+                results[pair] = one.revoke(CONTRADICTED)
     return results
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.observations import SAME_PLACE_PX, Picks, Source
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.match import Found, Pair
@@ -87,12 +87,12 @@ def _check_names(inputs: Inputs, asked: Selection, labels: tuple[str, ...]) -> N
     """Refuse labels not among these, and photos that the project does not have."""
     for label in asked.labels:
         if label not in labels:
-            hint = near_miss(label, labels) or f"picked are {listed(labels, _MAX_NAMED)}"
+            hint = suggest_spelling(label, labels) or f"picked are {join_names(labels, _MAX_NAMED)}"
             raise InputError(inputs.project.picks, f"no label {label!r} is picked: {hint}")
     for photo in asked.photos:
         if photo not in inputs.photos.frame_id:
             names = inputs.photos.frame_id
-            hint = near_miss(photo, names) or f"it has {listed(names, _MAX_NAMED)}"
+            hint = suggest_spelling(photo, names) or f"it has {join_names(names, _MAX_NAMED)}"
             raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
 
 

@@ -23,9 +23,9 @@ from uavgram.model.frames import GeoTags, PoseChoice
 from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
 from uavgram.stages.products.geotags import geotag
-from uavgram.stages.products.map_layers import features_of, shown_poses
+from uavgram.stages.products.map_layers import features_of, select_shown_poses
 from uavgram.views.style import LOOKS
-from uavgram.views.units import quantity, table_unit, units_of
+from uavgram.views.units import format_quantity, table_unit, units_of
 
 Writers = dict[str, Callable[[Path], None]]
 
@@ -115,7 +115,7 @@ def drawing_words(units: Units) -> NumberFormat:
     """Return the wording of numbers in a drawing: in the project's units, while it is in metres."""
     one = table_unit(units)
     return NumberFormat(
-        value=partial(quantity, units=units),
+        value=partial(format_quantity, units=units),
         length_m=1.0 if one.symbol == "m" else 1.0 / one.factor,
         symbol=one.symbol,
         name="metres" if one.symbol == "m" else "feet",
@@ -124,7 +124,7 @@ def drawing_words(units: Units) -> NumberFormat:
 
 def make_geotags(result: Result) -> GeoTags:
     """Return tags of every photo with a pose: the adjusted one, or else the telemetry's."""
-    rows, poses = shown_poses(result)
+    rows, poses = select_shown_poses(result)
     kinds: list[PoseChoice] = ["refined" if result.has_refined[k] else "seed" for k in rows]
     files = photo_files(result.frames)
     paths = tuple(files[k] for k in rows)

@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.config.project import load_project, project_file
 from uavgram.config.project_text import setting_text
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.geometry.camera.projection import share_without_rays
 from uavgram.imaging.photos.decoding import is_same_exposure
 from uavgram.input_files import UnusableFile, unread_format
@@ -37,11 +37,11 @@ from uavgram.io.tables.known import (
 from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
 from uavgram.io.tables.picks import PICKS_COLUMNS, TIES_COLUMNS, read_picks, read_ties
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import Calibration, Readout, published_readout
+from uavgram.model.camera import Calibration, Readout, find_published_readout
 from uavgram.model.flight_log import FlightLog
 from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.observations import (
     NO_CONTROL_LINES,
     NO_KNOWN,
@@ -136,7 +136,7 @@ def _photo_hint(image: str, photos: Photos) -> str:
     for folder in {Path(path).parent for path in photos.path}:
         if known := unread_format(folder / image):
             return f"; it is a {known.name}: {known.way_out}"
-    near = near_miss(image, photos.frame_id)
+    near = suggest_spelling(image, photos.frame_id)
     gone = f"if that photo is lost, write `{setting_text('leave_out', [image])}` into the project"
     return f"{f' ({near})' if near else ''}; {gone}"
 
@@ -270,7 +270,7 @@ def read_inputs(
     photo_messages += tuple(_report_left_out(project, picks, photos))
     unused_picks = tuple(_list_unused(picks, left_out))
     picks = picks.take(np.setdiff1d(np.arange(len(picks.image)), unused_picks).tolist())
-    ties = _without_photos(ties, left_out)
+    ties = _remove_sightings(ties, left_out)
     calibration, messages = _camera(project, photos)
     for readout in _readout(project, calibration, photos):
         calibration = replace(calibration, readout=readout)
@@ -281,7 +281,7 @@ def read_inputs(
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
     notes = () if log is None else log_messages(log)
-    files = [*named_files(path, project, picks_file, lines_file, measure_file), *photos.path]
+    files = [*list_named_files(path, project, picks_file, lines_file, measure_file), *photos.path]
     return Inputs(
         project_path=str(path),
         project=project,
@@ -338,7 +338,7 @@ def _report_left_out(project: Project, picks: Picks, photos: Photos) -> Iterator
     absent = list_absent(project.images, labels) if labels else ()
     for image, names in labels.items():
         if image in absent and not names:
-            near = near_miss(image, photos.frame_id)
+            near = suggest_spelling(image, photos.frame_id)
             text = (
                 f"`leave_out` names {image}, and no photo of the project has that name"
                 f"{f' ({near})' if near else ''}: correct it, or take it out of `leave_out`."
@@ -346,7 +346,7 @@ def _report_left_out(project: Project, picks: Picks, photos: Photos) -> Iterator
             yield Message("warning", "left-out-unknown", text, frames=(image,))
             continue
         with_picks = (
-            f", with its picks of {listed(tuple(names), MAX_NAMED)}, which stay in the table"
+            f", with its picks of {join_names(tuple(names), MAX_NAMED)}, which stay in the table"
         )
         yield Message(
             "warning" if names else "info",
@@ -362,7 +362,7 @@ def _report_left_out(project: Project, picks: Picks, photos: Photos) -> Iterator
         )
 
 
-def _without_photos(ties: TiePicks, photos: Collection[str]) -> TiePicks:
+def _remove_sightings(ties: TiePicks, photos: Collection[str]) -> TiePicks:
     """Return the tie points without their sightings in some photos; each needs two others."""
     rows = [i for i, image in enumerate(ties.image) if image not in photos]
     if len(rows) == len(ties.image):
@@ -371,7 +371,7 @@ def _without_photos(ties: TiePicks, photos: Collection[str]) -> TiePicks:
     return TiePicks(**select_rows(ties, [i for i in rows if sightings[ties.tie[i]] > 1]))
 
 
-def named_files(
+def list_named_files(
     path: Path,
     project: Project,
     picks: str | None,
@@ -446,11 +446,11 @@ def find_project_duplicates(inputs: Inputs) -> Duplicates:
 @lru_cache(maxsize=10_000)
 def _is_same(one: str, other: str) -> bool:
     """Return whether two photos are of one camera, if stated, and show the same."""
-    cameras = [_camera_named(path) for path in (one, other)]
+    cameras = [_read_camera_name(path) for path in (one, other)]
     return (not all(cameras) or cameras[0] == cameras[1]) and is_same_exposure(one, other)
 
 
-def _camera_named(path: str) -> str:
+def _read_camera_name(path: str) -> str:
     tags = read_exif_tags(path)
     return " ".join(exif_text(tags, tag) for tag in _CAMERA_TAGS).strip()
 
@@ -504,7 +504,7 @@ def _readout(project: Project, camera: Calibration, photos: Photos) -> Iterator[
     if project.log is None or camera.readout is not None or not photos.path:
         return
     tags = read_camera_tags(photos.path[0])
-    known = published_readout(tags.make, tags.model, camera.width_px, camera.height_px)
+    known = find_published_readout(tags.make, tags.model, camera.width_px, camera.height_px)
     if known is not None:
         yield known
 
@@ -523,7 +523,7 @@ def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[M
     if project.poses is not None:
         poses, messages = read_pose_sources(project.pose_sources, photos, project.world.heights)
         if not np.isnan(project.mount.angles_deg((np.nan,) * 3)).all():
-            messages = tuple(map(_without_request_for_mount, messages))
+            messages = tuple(map(_remove_mount_request, messages))
         return poses, messages
     maker = "" if project.log else first_maker(photos)
     if not maker:
@@ -535,7 +535,7 @@ def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[M
     return None, (Message("info", "poses-available", text),)
 
 
-def _without_request_for_mount(message: Message) -> Message:
+def _remove_mount_request(message: Message) -> Message:
     """Return the message without its request to state `mount`, as the project states it."""
     text = message.text.replace(ASK_FOR_MOUNT, "The camera is taken to look as `mount` states.")
     return replace(message, text=text)

@@ -23,7 +23,7 @@ from uavgram.model.survey import Cause, World
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.stages.assemble import Assembled
-from uavgram.stages.plates import SQUARE, add_plate_sides, own_scale_sigma
+from uavgram.stages.plates import SQUARE, add_plate_sides, make_scale_prior
 
 
 def apply_corrections(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) -> Inputs:
@@ -118,7 +118,7 @@ def append_plate_sides(
 
 def plate_scale(targets: TargetOptions | None) -> tuple[tuple[str, float], ...]:
     """Return name and prior of the common scale of all plates."""
-    return () if targets is None else own_scale_sigma(plate_outline(targets), targets.sigma_m)
+    return () if targets is None else make_scale_prior(plate_outline(targets), targets.sigma_m)
 
 
 def append_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Message, ...]]:
@@ -136,7 +136,7 @@ def append_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[M
     has_height = np.isfinite(lines.coordinates[:, 0, 2])
     placed = [
         LinePosition(
-            ends_m=_without_height(place, has_height=high),
+            ends_m=_drop_height(place, has_height=high),
             sigma_m=np.nan_to_num(sigma),
             straightness_m=float(own),
             has_height=bool(high),
@@ -181,5 +181,5 @@ def _ends(lines: ControlLines, world: World) -> KnownPoints:
     )
 
 
-def _without_height(place: Floats, *, has_height: bool) -> Floats:
+def _drop_height(place: Floats, *, has_height: bool) -> Floats:
     return place if has_height else place * [1.0, 1.0, 0.0]

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.config.project import error_of_key
+from uavgram.config.project import make_key_error
 from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
@@ -36,7 +36,7 @@ from uavgram.model.frames import (
     Telemetry,
 )
 from uavgram.model.message import Message
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey import Geodetic, World
@@ -124,7 +124,7 @@ def pose_frames(inputs: Inputs) -> PosedFrames:
     if not duplicates.photos:
         return _pose(inputs)
     copies = duplicates.photos
-    posed = _pose(_of_photos(inputs, [k for k, name in enumerate(names) if name not in copies]))
+    posed = _pose(_select_photos(inputs, [k for k, name in enumerate(names) if name not in copies]))
     at = {name: k for k, name in enumerate(posed.frames.frame_id)}
     rows = np.array([at[copies.get(name, name)] for name in names])
     frames = replace(posed.frames, **rows_of(posed.frames, rows) | {"frame_id": names})
@@ -142,7 +142,7 @@ def pose_frames(inputs: Inputs) -> PosedFrames:
     )
 
 
-def _of_photos(inputs: Inputs, rows: Sequence[int]) -> Inputs:
+def _select_photos(inputs: Inputs, rows: Sequence[int]) -> Inputs:
     """Return the project with some of its photos only."""
     photos = replace(inputs.photos, **rows_of(inputs.photos, np.array(rows)))
     poses = inputs.poses
@@ -159,7 +159,7 @@ def _pose(inputs: Inputs) -> PosedFrames:
         posed = list_unposed(inputs)
     place, crs = posed.world.origin, inputs.project.crs
     if place is not None and crs != "auto" and (why := explain_unsuitable_crs(crs, *place[:2])):
-        raise error_of_key(inputs.project_path, ("crs",), why)
+        raise make_key_error(inputs.project_path, ("crs",), why)
     return posed
 
 
@@ -171,7 +171,7 @@ def _seed_from_log(inputs: Inputs, log: FlightLog) -> PosedFrames:
     _require_matched(frames, log.path)
     first = float(np.nanmin(np.where(frames.matched, frames.time_utc_s, np.nan)))
     home, datum, home_messages = find_home(matched.boot, matched.clock, first)
-    place = _stated_origin(inputs, datum) or home
+    place = _find_stated_origin(inputs, datum) or home
     if matched.boot.attitudes is None:
         exposures, more = place_photos(
             compute_positions(frames, matched.boot, matched.clock),
@@ -196,7 +196,7 @@ def _seed_from_log(inputs: Inputs, log: FlightLog) -> PosedFrames:
 def _seed_from_photos(inputs: Inputs, poses: PhotoPoses) -> PosedFrames:
     """Use the photos' own poses."""
     project = inputs.project
-    stated = _stated_origin(inputs, poses.datum)
+    stated = _find_stated_origin(inputs, poses.datum)
     source = ", ".join(project.pose_sources)
     messages: tuple[Message, ...] = ()
     try:
@@ -255,7 +255,7 @@ def _check_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]
     apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
     below_m = curvature_drop(apart_m)
     if apart_m > SAME_SITE_M:
-        raise error_of_key(
+        raise make_key_error(
             inputs.project_path,
             ("world", "origin"),
             f"is {apart_m / 1000:.0f} km from the flight: give a place near it "
@@ -271,7 +271,7 @@ def _check_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]
     return (Message("warning", "origin-far", text),)
 
 
-def _stated_origin(inputs: Inputs, datum: HeightDatum) -> Place | None:
+def _find_stated_origin(inputs: Inputs, datum: HeightDatum) -> Place | None:
     """Return the project's own origin, its height in the poses' datum; None: home."""
     origin = inputs.project.world.origin
     if not isinstance(origin, GeodeticOrigin):
@@ -435,7 +435,7 @@ def _check_places(inputs: Inputs, points: KnownPoints, origin: Geodetic) -> None
             one = len(labels) == 1
             raise InputError(
                 inputs.project_path,
-                f"the known point{'' if one else 's'} {listed(labels)} "
+                f"the known point{'' if one else 's'} {join_names(labels)} "
                 f"{'is' if one else 'are'} far from where the survey is, and near it with {what} "
                 f"exchanged: correct {'its row' if one else 'their rows'}",
             )

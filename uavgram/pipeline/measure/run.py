@@ -14,15 +14,15 @@ from pathlib import Path
 from typing import Literal
 
 from uavgram.io.files import check_folder_of_project
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import stage_output
 from uavgram.model.maps import Paper, PlanPaper
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.measure.tie_points import add_found_ties, are_missing, pose_before_ties
+from uavgram.pipeline.measure.tie_points import add_found_ties, are_ties_missing, pose_before_ties
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.summarise import tie_cloud
 
 log = logging.getLogger(__name__)
@@ -75,7 +75,7 @@ FROM_PROJECT = _Output.FROM_PROJECT
 OutputChoice = str | os.PathLike[str] | None | Literal[_Output.FROM_PROJECT]
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def run(
     project: str | os.PathLike[str],
     output: OutputChoice = FROM_PROJECT,
@@ -103,7 +103,7 @@ def run(
     plan
         Paper and scale of plan.pdf and plan.png; None: there is none.
     hold
-        Raises where another process may write the outputs by now, as for `staged_output`.
+        Raises where another process may write the outputs by now, as for `stage_output`.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def run(
     if output is FROM_PROJECT:
         check_folder_of_project(Path(inputs.project.output), Path(project).absolute().parent)
     posed = None
-    if are_missing(inputs):
+    if are_ties_missing(inputs):
         with journal.step("find tie points"):
             posed = pose_before_ties(inputs)
             inputs = add_found_ties(inputs, posed, write=folder is not None, progress=progress)
@@ -141,14 +141,14 @@ def run(
 
     result = pictures.note_thinning(result)
     journal.result(result)
-    with staged_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
+    with stage_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
         outputs.write_outputs(result, ties, staging, journal, progress, pdf, plan)
         earlier = outputs.list_earlier(Path(folder), staging)
     if earlier:
         log.warning(
             "an earlier run wrote %s in %s, and this one did not: that may contradict the new "
             "results; remove it, or write it again (--pdf, --plan)",
-            listed(earlier),
+            join_names(earlier),
             folder,
         )
     return result

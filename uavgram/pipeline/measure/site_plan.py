@@ -21,8 +21,8 @@ from uavgram.pipeline.measure.exports import transform_to_map
 from uavgram.stages.products.plan_sheets import (
     FOOT_STEPS,
     METRIC_STEPS,
+    find_surveyed_extent,
     lay_plan,
-    surveyed_extent,
 )
 from uavgram.stages.products.top_view import choose_view, photo_pixels_m
 from uavgram.views.site_plan import GroundPicture, PlanContent, plan_pages
@@ -53,7 +53,7 @@ def write_plan(result: Result, wish: PlanPaper, folder: Path) -> None:
     OutputError
         A file cannot be written.
     """
-    extent = surveyed_extent(result)
+    extent = find_surveyed_extent(result)
     steps = METRIC_STEPS if units_of(result).length == "m" else FOOT_STEPS
     plan = lay_plan(extent, wish.paper, wish.scale, steps)
     overview = plan if len(plan.sheets) == 1 else lay_plan(extent, wish.paper, None, steps)

@@ -16,7 +16,7 @@ from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, tie
 from uavgram.pipeline.measure.pose import PosedFrames, list_unposed, pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.synchronise.event_times import has_events
-from uavgram.stages.tie import remarks
+from uavgram.stages.tie import report_ties
 
 if TYPE_CHECKING:
     from uavgram.pipeline.ties import TieSearch
@@ -36,7 +36,7 @@ class FoundTies:
 
     def messages(self, file: str) -> tuple[Message, ...]:
         """Return remarks; `file` is the table of the tie points."""
-        return tuple(remarks(self.ties, self.photos, file))
+        return tuple(report_ties(self.ties, self.photos, file))
 
 
 def pose_before_ties(inputs: Inputs) -> PosedFrames:
@@ -81,7 +81,7 @@ def find_project_ties(inputs: Inputs, posed: PosedFrames, progress: Progress = s
     return FoundTies(found=find_ties(scene, progress), photos=scene.frame_id)
 
 
-def are_missing(inputs: Inputs) -> bool:
+def are_ties_missing(inputs: Inputs) -> bool:
     """Return whether a project requests tie points that are still to be found."""
     path = ties_path(inputs.project, inputs.folder)
     return inputs.project.ties == TIES_FOUND and path is not None and not path.is_file()

@@ -36,7 +36,7 @@ from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides
 from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.linear_update import update_linearly
 from uavgram.stages.match import Found, Pair
 from uavgram.stages.measure import compute_profiles
@@ -133,7 +133,7 @@ class LiveSurvey:
         is adjusted here either. None without any.
     """
 
-    @with_one_blas_thread
+    @limit_blas_threads
     def __init__(self, inputs: Inputs, damage: UnusablePhotosError | None = None) -> None:
         self.inputs = inputs
         self.damage = damage
@@ -161,7 +161,7 @@ class LiveSurvey:
             names = {photo.path.name for photo in why.photos}
             return cls(read_inputs(project, unfinished=True, without=names), why)
 
-    @with_one_blas_thread
+    @limit_blas_threads
     def adjust(self, observed: Observations) -> LiveAdjustment:
         """Adjust and measure in full.
 
@@ -192,7 +192,7 @@ class LiveSurvey:
             seconds=time.perf_counter() - started,
         )
 
-    @with_one_blas_thread
+    @limit_blas_threads
     def adjust_with_finds(
         self, last: LiveAdjustment, found: Mapping[Pair, Found]
     ) -> tuple[LiveAdjustment, dict[Pair, str]]:
@@ -224,7 +224,7 @@ class LiveSurvey:
             raise UavgramError(self.unposed_because)
         posed = replace(self.posed, telemetry=None)
         base = adjust_manual_picks(self._inputs_with(last.observed), posed)
-        adjustment, contradicted, _ = base.adjusted(found)
+        adjustment, contradicted, _ = base.adjust_finds(found)
         refined = replace(base.refined, adjustment=adjustment)
         return replace(last, computed=last.computed._replace(refined=refined)), contradicted
 
@@ -233,7 +233,7 @@ class LiveSurvey:
             self.inputs, picks=observed.picks, lines=observed.lines, requests=observed.requests
         )
 
-    @with_one_blas_thread
+    @limit_blas_threads
     def update_linearly(self, base: LiveAdjustment, observed: Observations) -> LinearUpdate | None:
         """Update the last adjustment to first order; None if more than numbers changed."""
         if self.posed is None or not _alike(base.observed, observed):
@@ -322,7 +322,7 @@ def _lengths(adjustment: Adjustment, lines: KnownLines, state: State) -> Floats:
     return found
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def make_side_view(adjusted: LiveAdjustment, name: str) -> ProfileResults | None:
     """Return a measurement's adjusted points, in order along it.
 

@@ -25,13 +25,13 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.frames import Poses
 from uavgram.model.observations import KnownWorldPoints, Picks
 from uavgram.model.survey import World
-from uavgram.pipeline.match.adjustment import UNEVEN_M
+from uavgram.pipeline.match.adjustment import MIN_ROUGHNESS_M
 from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
 from uavgram.pipeline.match.search import make_search_places
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.match import (
     REGION_SQUARED,
     Candidates,
@@ -41,8 +41,8 @@ from uavgram.stages.match import (
     find_contradicted,
     find_raised_labels,
 )
-from uavgram.stages.products.map_layers import shown_poses
-from uavgram.stages.products.planned_layers import planned_origin
+from uavgram.stages.products.map_layers import select_shown_poses
+from uavgram.stages.products.planned_layers import find_planned_origin
 from uavgram.stages.refine.readjustment import MorePicks, add_picks
 from uavgram.stages.same_ground import find_same_ground as ground_in_photos
 
@@ -67,7 +67,7 @@ class ExpectedPlace(NamedTuple):
 NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def predict_known_places(survey: LiveSurvey, last: LiveAdjustment | None) -> KnownPlaces:
     """Predict pixels of control, check and planned points in the photos that show them.
 
@@ -165,7 +165,7 @@ def _best_poses(survey: LiveSurvey, last: LiveAdjustment | None) -> tuple[Poses,
     Return None without either.
     """
     if last is not None:
-        rows, poses = shown_poses(last.result)
+        rows, poses = select_shown_poses(last.result)
         return poses, last.result.frames.sweep[rows]
     telemetry = None if survey.posed is None else survey.posed.telemetry
     if telemetry is None:
@@ -195,7 +195,7 @@ def predict_planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
         return NO_CONTROL
     lines, plates = planned.lines, planned.plates
     laid = np.concatenate([lines.start_world_m, lines.end_world_m, plates.center_world_m])
-    latitude, longitude, _ = geodetic_from_enu(laid, planned_origin(planned))
+    latitude, longitude, _ = geodetic_from_enu(laid, find_planned_origin(planned))
     places = enu_from_geodetic(latitude, longitude, world.origin[2], world.origin)
     ground = inputs.project.ground
     places[:, 2] = ground.height_m
@@ -299,7 +299,7 @@ class AdjustedPlaces(PredictedPlaces):
         )
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def predict_places(
     survey: LiveSurvey, last: LiveAdjustment, picks: Picks, labels: Collection[str] | None = None
 ) -> AdjustedPlaces | None:
@@ -397,4 +397,4 @@ def _update_adjustment(survey: LiveSurvey, last: LiveAdjustment, picks: Picks) -
         picks.pixel_px[rows].reshape(-1, 2),
         sigma[rows],
     )
-    return add_picks(adjustment, more, UNEVEN_M)
+    return add_picks(adjustment, more, MIN_ROUGHNESS_M)

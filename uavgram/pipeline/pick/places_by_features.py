@@ -22,7 +22,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.observations import Picks
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.pick.places import PredictedPlaces
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.pipeline.ties import PairComparison, scale_of
 from uavgram.stages.match import MAX_RADIUS_PX, Pair, compute_radii
 
@@ -139,7 +139,7 @@ class FeaturePlaces:
         order = sorted(range(len(self._names)), key=lambda k: abs(k - own))
         return [self._names[k] for k in order[1 : NEARBY + 1]]
 
-    @with_one_blas_thread
+    @limit_blas_threads
     def _predict(self, source: str, target: str, picks: Picks, rows: list[int]) -> PredictedPlaces:
         """Predict picks of one photo in another; those without certain features are left out."""
         here, there = self._compare(source, target)

@@ -54,7 +54,7 @@ from uavgram.model.board import (
 from uavgram.model.camera import Calibration
 from uavgram.model.frames import Poses
 from uavgram.model.message import Message
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 
 FEWEST_CORNERS = 6
 """Least number of corners of a photo: four determine its homography, the others constrain the
@@ -252,7 +252,8 @@ def common_error_message(error_px: float) -> tuple[Message, ...]:
     if not error_px:
         return ()
     text = (
-        f"Corners miss the model by {figures(error_px)} px per coordinate beside their own noise "
+        f"Corners miss the model by {format_digits(error_px)} px per coordinate beside their own "
+        f"noise "
         "(the "
         "board's print and flatness, the lens model, motion): that was added to every corner's "
         "sigma."
@@ -284,7 +285,7 @@ class _Everything:
 
 def _everything(judged: AssessedCalibration) -> _Everything:
     snooped, lens = judged.snooped, judged.fit.lens
-    found = judged.first.weighted(judged.first.weight / snooped.sigma_scale)
+    found = judged.first.replace_weights(judged.first.weight / snooped.sigma_scale)
     state = snooped.fit.state
     out = judged.removed
     if out.any():
@@ -374,7 +375,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
     # Covariance of the board poses: own part, and the camera's through the Schur complement's gain.
     fit, state = judged.fit, everything.state
     used = _used_weight(judged, everything)
-    linear = linearise(fit.lens, everything.corners.weighted(used), state)
+    linear = linearise(fit.lens, everything.corners.replace_weights(used), state)
     assert linear is not None  # noqa: S101  (it could be adjusted)
     normals = eliminate_poses(fit.lens, linear)
     border = fit.border_covariance * judged.factor

@@ -40,7 +40,7 @@ from uavgram.model.board import (
 )
 from uavgram.model.camera import LensModel
 from uavgram.model.message import Message
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.stages.calibrate.assessment import (
     PHOTO_FACTOR_SIGNIFICANCE,
     AssessedCalibration,
@@ -198,7 +198,7 @@ def choose_and_estimate(
         They determine none.
     """
     photo = observations.photos[0]
-    cleaned = _cleaned(options, corners, (photo.width_px, photo.height_px))
+    cleaned = _remove_outliers(options, corners, (photo.width_px, photo.height_px))
     kept = cleaned.fit.corners.count > 0
     clean = cleaned.fit.corners.take(kept)
     sigma_px = float(np.sqrt(np.mean(clean.weight[clean.weight > 0] ** -2.0)))
@@ -212,7 +212,7 @@ def choose_and_estimate(
             judged = judge(
                 observations, own, corners, remove_outliers(make_lens(own), corners, start, own)
             )
-            estimated[own.coefficients], why = judged, _why_not(judged)
+            estimated[own.coefficients], why = judged, _explain_rejection(judged)
         except UndeterminedError as fault:
             why = str(fault)
         if not why:
@@ -227,7 +227,9 @@ def choose_and_estimate(
     return estimated[chosen], tuple(scores)
 
 
-def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, int]) -> CleanedFit:
+def _remove_outliers(
+    options: CalibrationOptions, corners: Corners, size_px: tuple[int, int]
+) -> CleanedFit:
     """Remove outliers with the usual number of coefficients, or with as many as are determined."""
     usual = USUAL[options.model]
     *first, last = (usual, *(n for n in reversed(MODELS[options.model]) if n < usual))
@@ -242,7 +244,7 @@ def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, 
     return clean(last)
 
 
-def _why_not(judged: AssessedCalibration) -> str:
+def _explain_rejection(judged: AssessedCalibration) -> str:
     """Return the reason against a lens that fits; empty without one."""
     if not judged.fit.converged:
         return "its adjustment did not converge"
@@ -317,7 +319,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
     if judged.effect.probability > PHOTO_FACTOR_SIGNIFICANCE:
         return ()
     try:
-        fit = _with_bow(judged)
+        fit = _adjust_bow(judged)
         split = find_best_split(fit)
         if split is None or not any(level.is_reached(split) for level in LIKELY):
             return ()
@@ -348,7 +350,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
     )
 
 
-def _with_bow(judged: AssessedCalibration) -> Fit:
+def _adjust_bow(judged: AssessedCalibration) -> Fit:
     """Adjust with a free bow of the board."""
     if judged.options.bow == "paraboloid":
         return judged.fit
@@ -397,7 +399,7 @@ def _names(files: list[str], chosen: Bools) -> str:
     rows = np.flatnonzero(chosen)
     if np.ptp(rows) == len(rows) - 1:
         return f"{files[rows[0]]} to {files[rows[-1]]} ({len(rows)} photos)"
-    return listed((files[i] for i in rows), MOST_NAMES)
+    return join_names((files[i] for i in rows), MOST_NAMES)
 
 
 def calibrate(

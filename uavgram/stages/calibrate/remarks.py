@@ -19,7 +19,7 @@ from uavgram.geometry.camera.projection import share_without_rays
 from uavgram.geometry.camera.properties import FRAME_35MM_DIAGONAL_MM
 from uavgram.model.board import CalibrationResult, LensSetting, ModelScore
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.stages.calibrate.assessment import AssessedCalibration
 
 FEW_PHOTOS = 10
@@ -283,8 +283,9 @@ def _on_the_covariance(judged: AssessedCalibration, result: CalibrationResult) -
         yield Message(
             "info",
             "corner-sigma-scaled",
-            f"Residuals are {figures(quality.sigma_scale)} times as large as the corners' own "
-            f"sigmas predict: those were scaled to {figures(quality.sigma_px)} px.",
+            f"Residuals are {format_digits(quality.sigma_scale)} times as large as the corners' "
+            f"own "
+            f"sigmas predict: those were scaled to {format_digits(quality.sigma_px)} px.",
         )
     elif result.options.corner_sigma == "given" and quality.chi2_probability < 0.001:
         yield Message(
@@ -292,7 +293,7 @@ def _on_the_covariance(judged: AssessedCalibration, result: CalibrationResult) -
             "corner-sigma-too-small",
             "The camera's sigmas are too small, as the corners fit worse than their own sigmas "
             "predict. Use corner_sigma: residuals (variance factor "
-            f"{figures(quality.variance_factor)}).",
+            f"{format_digits(quality.variance_factor)}).",
         )
 
 
@@ -329,7 +330,7 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
         known = np.flatnonzero(np.diag(prior.information)[: len(names)] > 0)
         stated = np.sqrt(np.diag(np.linalg.inv(prior.information[np.ix_(known, known)])))
         learnt = [
-            f"{names[i]} {figures(before, 3)} to {figures(sigma[i], 3)}"
+            f"{names[i]} {format_digits(before, 3)} to {format_digits(sigma[i], 3)}"
             for i, before in zip(known.tolist(), stated.tolist(), strict=True)
             if sigma[i] > 0
         ]

@@ -69,7 +69,7 @@ def compare_withheld(
     """
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     row = np.flatnonzero(~lines.adjust & (start >= 0) & (end >= 0))
-    label = _judged_rows(adjustment, known)
+    label = _find_judged_rows(adjustment, known)
     chosen = np.flatnonzero(label >= 0)
     if not len(row) and not len(chosen):
         return None
@@ -128,7 +128,7 @@ def judge_overall(
     return overall, (_checks_message(overall, list(withheld.names), off, lengths),)
 
 
-def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
+def _find_judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
     """Return rows (C,) of check points among the adjusted ones; none without a world frame."""
     is_free = adjustment.survey.gauge == "plane"
     return adjustment.label_rows(() if is_free else known.label)
@@ -220,7 +220,7 @@ def judge_points(
     significance
         Probability of a false suspicion in a survey without errors.
     """
-    index = _judged_rows(adjustment, known)
+    index = _find_judged_rows(adjustment, known)
     seen = np.flatnonzero(index >= 0)
     position, covariance = adjustment.points()
     error = position[index[seen]] - known.world_m[seen]

@@ -23,7 +23,7 @@ from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Kind
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import figures, listed
+from uavgram.model.naming import format_digits, join_names
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.result import GroupFactor
 from uavgram.model.result.tables import KnownResults, LineResults, PointChecks
@@ -228,13 +228,14 @@ def _report_wide_sigmas(
     ]
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
-        f"{get_kind(g.name).plural or g.name.replace('_', ' ')} ({figures(g.variance_factor)})"
+        f"{get_kind(g.name).plural or g.name.replace('_', ' ')} "
+        f"({format_digits(g.variance_factor)})"
         for g in named
     )
     text = (
         "Everything fits far better than stated: the stated errors are far too wide, and so are "
         "the uncertainties of the results. State the true ones: picks_sigma_px, sigma_m of the "
-        f"lengths, ground, telemetry (variance factor {figures(cost / degrees)}, probability "
+        f"lengths, ground, telemetry (variance factor {format_digits(cost / degrees)}, probability "
         f"{probability:.7g}" + (f"; by group: {which})." if which else ").")
     )
     yield Message("info", "sigmas-too-wide", text)
@@ -269,7 +270,7 @@ def judge_majority(
         f"{len(faults)} of {count} known lengths and things do not fit the others. These are too "
         "many to be the exception: those that do fit may be the wrong ones, so do not use these "
         "numbers. Look for a common cause, such as a tape, a unit or a label: "
-        f"{listed(map(repr, faults))}."
+        f"{join_names(map(repr, faults))}."
     )
     return (Message("warning", "many-suspects", text),)
 

@@ -15,7 +15,7 @@ from uavgram.estimation.survey.observations.known import compute_known_rows, des
 from uavgram.geometry.ground.conditions import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import KnownThing, KnownThings, LinePosition
 from uavgram.model.result.tables import (
     NO_LINES_OF_POSITION,
@@ -49,7 +49,7 @@ def judge_known(
         return NOTHING_KNOWN, ()
     adjustment = examined.adjustment
     columns = {name: np.full(len(known.name), np.nan) for name in _COLUMNS}
-    things = _seen(adjustment, known)
+    things = _select_seen(adjustment, known)
     withheld = [thing for thing in things if not known.adjust[thing.index]]
     _values(adjustment, things, {thing.index for thing in withheld}, columns)
     _fit_of_observed(examined, columns)
@@ -61,7 +61,7 @@ def judge_known(
     for i in range(len(known.name)):
         if all(thing.index != i for thing in things):
             status.append("unseen")
-            messages.append(_unseen(adjustment, known, i, picked))
+            messages.append(_report_unseen(adjustment, known, i, picked))
         elif not known.adjust[i]:
             status.append("checked")
         elif i not in used:
@@ -92,10 +92,10 @@ def judge_known(
     return results, tuple(messages)
 
 
-def _seen(adjustment: Adjustment, known: KnownThings) -> list[KnownThing]:
+def _select_seen(adjustment: Adjustment, known: KnownThings) -> list[KnownThing]:
     """Return things with all points among the adjusted ones; for a line, with any."""
     place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    things = (known.seen_thing(i, place) for i in range(len(known.name)))
+    things = (known.get_seen_thing(i, place) for i in range(len(known.name)))
     return [thing for thing in things if thing is not None]
 
 
@@ -112,7 +112,7 @@ def _values(
         off = rows.value[own]
         residual = off[0] if len(own) == 1 else float(np.linalg.norm(off))
         columns["residual"][at] = residual
-        columns["adjusted"][at] = ALL_KINDS[thing.kind].adjusted(thing, residual)
+        columns["adjusted"][at] = ALL_KINDS[thing.kind].compute_adjusted_value(thing, residual)
         if len(own) == 1:
             columns["adjusted_sigma"][at] = np.sqrt(max(joint[own[0], own[0]], 0.0))
         if at in withheld:
@@ -169,7 +169,9 @@ def _find_gross(examined: TestedSurvey) -> list[int]:
 def _left_out(results: KnownResults, i: int) -> Message:
     what = describe_thing(results.kind[i], results.name[i], results.points[i])
     found = (
-        f" (sigma {figures(results.adjusted_sigma[i])})" if results.adjusted_sigma[i] > 0 else ""
+        f" (sigma {format_digits(results.adjusted_sigma[i])})"
+        if results.adjusted_sigma[i] > 0
+        else ""
     )
     how, why = (
         f"{describe_values(results, i)}{found}",
@@ -187,7 +189,9 @@ def _left_out(results: KnownResults, i: int) -> Message:
     return Message("warning", "known-left-out", text, labels=results.points[i], several=several)
 
 
-def _unseen(adjustment: Adjustment, known: KnownThings, i: int, picked: Collection[str]) -> Message:
+def _report_unseen(
+    adjustment: Adjustment, known: KnownThings, i: int, picked: Collection[str]
+) -> Message:
     labels = adjustment.survey.label
     missing = [label for label in known.points[i] if label not in labels]
     what = describe_thing(known.kind[i], known.name[i], known.points[i])
@@ -205,7 +209,7 @@ def _idle(known: KnownThings, i: int) -> Message:
     """Report a thing without effect, as all of its points are on the ground."""
     what = describe_thing(known.kind[i], known.name[i], known.points[i])
     if ALL_KINDS[known.kind[i]].needs == "world":
-        return _unplaced(known, i, what)
+        return _report_unplaced(known, i, what)
     return Message(
         "warning",
         "known-idle",
@@ -221,7 +225,7 @@ def _idle(known: KnownThings, i: int) -> Message:
     )
 
 
-def _unplaced(known: KnownThings, i: int, what: str) -> Message:
+def _report_unplaced(known: KnownThings, i: int, what: str) -> Message:
     """Report a thing that refers to the world where no other observation does."""
     why, way_out = ALL_KINDS[known.kind[i]].unplaced
     return Message(

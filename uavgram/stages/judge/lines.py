@@ -7,14 +7,14 @@ from itertools import chain
 
 import numpy as np
 
-from uavgram.errors import near_miss
+from uavgram.errors import suggest_spelling
 from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observations.lengths import describe_ends, select_taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message, MessagePlural, propose_length_removal
-from uavgram.model.naming import figures, listed
+from uavgram.model.naming import format_digits, join_names
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
@@ -54,7 +54,7 @@ def judge_lines(
     """
     refined, adjustment = examined.refined, examined.adjustment
     columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
-    _adjusted_lengths(adjustment, lines, columns)
+    _fill_adjusted_lengths(adjustment, lines, columns)
     used = refined.line_index[adjustment.problem.line_index]
     row = find_rows(survey_index, used, len(refined.line_removed))
     _fit_of_observed(examined, row, columns)
@@ -73,7 +73,7 @@ def judge_lines(
         if missing:
             status.append("unseen")
             which = describe_missing_picks(missing, known, picked)
-            messages.append(_unseen(lines, i, missing, which))
+            messages.append(_report_unseen(lines, i, missing, which))
         elif withheld[i]:
             status.append("checked")
             if examined.significant(columns["w"][i]) and examined.significant(unexplained[i]):
@@ -94,7 +94,7 @@ def judge_lines(
     return results, _line_checks(results), examined.effects("lengths", row), tuple(messages)
 
 
-def _adjusted_lengths(
+def _fill_adjusted_lengths(
     adjustment: Adjustment, lines: KnownLines, columns: dict[str, Floats]
 ) -> None:
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
@@ -107,7 +107,7 @@ def _adjusted_lengths(
 def _errors_in_sigmas(adjustment: Adjustment, lines: KnownLines) -> Floats:
     """Compute errors (L,) of the lengths in sigmas, as if they were withheld."""
     columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
-    _adjusted_lengths(adjustment, lines, columns)
+    _fill_adjusted_lengths(adjustment, lines, columns)
     sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
     return np.asarray(columns["residual_m"] / sigma)
 
@@ -140,13 +140,13 @@ def describe_missing_picks(
     """
     words = []
     for label in missing:
-        near = "" if label in picked else near_miss(label, labels)
+        near = "" if label in picked else suggest_spelling(label, labels)
         hint = f" ({near})" if near else ""
         words.append(f"{label!r}{hint}")
     return f"no usable pick of {' and '.join(words)}"
 
 
-def _unseen(lines: KnownLines, i: int, missing: list[str], which: str) -> Message:
+def _report_unseen(lines: KnownLines, i: int, missing: list[str], which: str) -> Message:
     what = describe_ends(lines.name[i], lines.start[i], lines.end[i])
     return Message(
         "warning",
@@ -245,7 +245,8 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
     if clicks:
         it = "it" if len(each) == 1 else "one of these lengths"
         again = (
-            f"Tape {it} again; click on {listed(map(repr, clicks))} again or in another photo, and "
+            f"Tape {it} again; click on {join_names(map(repr, clicks))} again or in another photo, "
+            f"and "
             f"look at {'its' if len(clicks) == 1 else 'their'} stated height, if there is one"
         )
     if is_open:
@@ -270,7 +271,10 @@ def _text(
 ) -> str:
     ask = f": {what}?" if what else ""
     taped = [f"{lines.length_m[i]:.10g} m taped" for i in found]
-    seen = [f"{figures(adjusted[0][i], 4)} m (sigma {figures(adjusted[1][i])} m)" for i in found]
+    seen = [
+        f"{format_digits(adjusted[0][i], 4)} m (sigma {format_digits(adjusted[1][i])} m)"
+        for i in found
+    ]
     if len(found) == 1:
         name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
         opening = (

@@ -10,7 +10,7 @@ from uavgram.estimation.reliability.redundancy import compute_reliability
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.observations import Picks
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import (
@@ -127,7 +127,8 @@ def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[M
     names = tuple(measured.name[i] for i in rows)
     labels = tuple(dict.fromkeys(label for i in rows for label in measured.points[i]))
     text = (
-        f"No person picked any point of {listed(map(repr, names))}: the program found all of them. "
+        f"No person picked any point of {join_names(map(repr, names))}: the program found all of "
+        f"them. "
         "Look at them in the photos before you use the value."
     )
     yield Message("info", "only-program-picks", text, labels=labels, measurements=names)

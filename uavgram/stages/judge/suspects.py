@@ -71,7 +71,7 @@ def _members(suspicion: Suspicion) -> tuple[Member, ...]:
 
 def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     accused, names = suspicion.suspect, examined.names
-    observation, group = names.of(accused), examined.groups[accused.kind]
+    observation, group = names.find_kind(accused), examined.groups[accused.kind]
     own, thing = np.array([accused.row]), observation.things()
     if thing is not None:
         own = np.flatnonzero(thing == thing[accused.row])
@@ -89,7 +89,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         item += f", or the {' or the '.join(names.cause(m) for m in suspicion.group)}"
     if suspicion.rivals:
         others.append(names.rivals(suspicion))
-    remedies = read_first(names.of(m).remedy(m.row) for m in _members(suspicion))
+    remedies = read_first(names.find_kind(m).remedy(m.row) for m in _members(suspicion))
     return Message(
         "warning",
         observation.kind.misfit_code,

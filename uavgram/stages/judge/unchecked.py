@@ -16,7 +16,7 @@ from uavgram.estimation.measuring.scale import find_next_line
 from uavgram.estimation.reliability.external import MAX_ERROR_SIGMAS, UndetectedError
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, Remedy
-from uavgram.model.naming import figures, listed
+from uavgram.model.naming import format_digits, join_names
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import make_tape_remedy
 
@@ -60,12 +60,13 @@ def _report_unknown(measured: MeasuredValues) -> Iterator[Message]:
     if not rows:
         return
     values = (
-        f"{measured.name[i]!r} ({figures(measured.value[i])} ± {figures(measured.sigma[i])} "
+        f"{measured.name[i]!r} ({format_digits(measured.value[i])} ± "
+        f"{format_digits(measured.sigma[i])} "
         f"{measured.unit[i]})"
         for i in rows
     )
     text = (
-        f"Nothing is known of {listed(values, MAX_NAMED)}: any value down to zero would fit as "
+        f"Nothing is known of {join_names(values, MAX_NAMED)}: any value down to zero would fit as "
         "well. Look at picks_sigma_px and at the sigmas of the lengths; if they are right, pick in "
         "more photos or tape more lengths."
     )
@@ -116,9 +117,9 @@ def _message(
         numbers = ""  # an error of an unstated direction may have any size
     elif kind == "pixels":
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
-        what = f"a wrong click on {listed(labels, MAX_NAMED, link='or')}"
+        what = f"a wrong click on {join_names(labels, MAX_NAMED, link='or')}"
         it = "them" if len(labels) > 1 else "it"
-        named = listed(labels, MAX_NAMED)
+        named = join_names(labels, MAX_NAMED)
         action = f"Mark {named} in one more photo, or click {it} again"
         if len(examined.adjustment.survey.frame_id) == 1:
             action = f"Click {named} again, or mark {it} in one more photo"
@@ -128,7 +129,7 @@ def _message(
         action, mend = _second_reading(examined, worst)
         plain = f"Not checked: {what} would not be noticed."
     text = (
-        f"{listed(map(repr, names), MAX_NAMED)} {are} not checked: {what} would not be noticed"
+        f"{join_names(map(repr, names), MAX_NAMED)} {are} not checked: {what} would not be noticed"
         f"{numbers}. {action}."
     )
     return Message(
@@ -151,8 +152,9 @@ def _numbers(examined: TestedSurvey, row: int, worst: UndetectedError) -> str:
     unit, factor = examined.names.unit(member)
     size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
     return (
-        f"an error in {what} stays hidden up to {figures(size * factor)} {unit}, and then moves "
-        f"{measured.name[row]!r} by {figures(worst.change)} {measured.unit[row]}"
+        f"an error in {what} stays hidden up to {format_digits(size * factor)} {unit}, and then "
+        f"moves "
+        f"{measured.name[row]!r} by {format_digits(worst.change)} {measured.unit[row]}"
     )
 
 

@@ -13,7 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.message_catalogue.entry import Effect
 from uavgram.model.message_catalogue.lookup import entry_of
-from uavgram.model.naming import listed, listed_photos
+from uavgram.model.naming import join_names, join_photo_names
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
@@ -91,7 +91,7 @@ def determine_verdict(
     return Verdict(level=level, reasons=reasons), status
 
 
-def _used_lengths(adjustment: Adjustment) -> set[str]:
+def _list_used_lengths(adjustment: Adjustment) -> set[str]:
     """Return names of the lengths that take part in an adjustment."""
     names = adjustment.survey.line_name
     return {names[k] for k in adjustment.problem.line_index.tolist()} if names else set()
@@ -105,7 +105,7 @@ def _is_left_out(message: Message, examined: TestedSurvey) -> bool:
     if examined.refined.is_log_left_out and entry_of(message.code).is_of_log:
         return True
     is_of_lengths = bool(message.lengths) and not message.frames
-    return is_of_lengths and not set(message.lengths) & _used_lengths(examined.adjustment)
+    return is_of_lengths and not set(message.lengths) & _list_used_lengths(examined.adjustment)
 
 
 def _effect(message: Message) -> Effect:
@@ -148,6 +148,6 @@ def get_plain_sentence(message: Message) -> str:
     of_one = {"labels": entry.labels_of_one}
     is_several = any(count > of_one.get(what, 1) for what, count in size.items())
     form = entry.several if is_several and entry.several else entry.one
-    names = {what: listed(getattr(message, what)) for what in SUBJECTS}
-    names["frames"] = listed_photos(message.frames)
+    names = {what: join_names(getattr(message, what)) for what in SUBJECTS}
+    names["frames"] = join_photo_names(message.frames)
     return form.format(count=len(message.labels), **names)

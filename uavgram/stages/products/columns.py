@@ -161,7 +161,7 @@ CONTROL_LINES = (
 )
 
 
-def listed_columns(table: Sequence[FileColumn], result: Result) -> dict[str, Values]:
+def make_geojson_columns(table: Sequence[FileColumn], result: Result) -> dict[str, Values]:
     """Return the columns of a table for GeoJSON, where lists stay lists."""
     return {one.listed or one.name: one.values(result) for one in table if "geojson" in one.files}
 

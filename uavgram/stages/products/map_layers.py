@@ -70,7 +70,7 @@ def ground_below(points: PointResults) -> Floats:
     return feet
 
 
-def over_ground(
+def compute_heights_over_ground(
     points: PointResults, shapes: Sequence[Floats], labels: Sequence[Sequence[str]]
 ) -> tuple[Floats, ...]:
     """Compute heights of the vertices of shapes over the ground; empty where all are on it.
@@ -232,8 +232,8 @@ def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Feature
             _ellipses("ellipses_95_within_survey", points, points.relative),
             _known_lengths(result),
             *([_control_lines(result)] if result.control_lines.name else []),
-            _measured("measured_areas", "polygon", result),
-            _measured("measured_lines", "line", result),
+            _make_measured_layer("measured_areas", "polygon", result),
+            _make_measured_layer("measured_lines", "line", result),
             *([verticals(points)] if points.is_off_ground.any() else []),
             _points(result),
         ),
@@ -245,7 +245,7 @@ def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Feature
     )
 
 
-def located_layers(result: Result) -> tuple[Layer, ...]:
+def make_located_layers(result: Result) -> tuple[Layer, ...]:
     """Return points, their ellipses, and a layer without attributes for each measurement."""
     points, strips, rows = result.points, _strips(result), point_index(result)
     layers = [
@@ -383,7 +383,7 @@ def footprints(result: Result) -> dict[int, Floats]:
     east = np.concatenate([along, one, one - along, zero])
     side = np.column_stack([east, np.roll(east, BORDER_SAMPLES)])
     border = side * [camera.width_px, camera.height_px] - 0.5
-    seen, poses = shown_poses(result)
+    seen, poses = select_shown_poses(result)
     of_rows = RowPoses(
         poses.center_world_m[:, None],
         poses.world_from_camera[:, None],
@@ -398,7 +398,7 @@ def footprints(result: Result) -> dict[int, Floats]:
     return {f: counterclockwise(ring) for f, ring in rings.items() if len(ring) >= 3}
 
 
-def shown_poses(result: Result) -> tuple[Ints, Poses]:
+def select_shown_poses(result: Result) -> tuple[Ints, Poses]:
     """Return rows of the frames with a pose, and the adjusted pose, or else the telemetry's."""
     frames, adjusted = result.frames, result.has_refined
     rows = np.flatnonzero(adjusted | result.has_seed)
@@ -429,7 +429,7 @@ def _points(result: Result) -> Layer:
         kind="point",
         vertices_m=tuple(one.copy() for one in points.position_world_m[:, None]),
         attributes=attributes(POINTS, result),
-        above_ground_m=over_ground(
+        above_ground_m=compute_heights_over_ground(
             points,
             list(points.position_world_m[:, None]),
             [(label,) for label in points.label],
@@ -469,7 +469,7 @@ def _known_lengths(result: Result) -> Layer:
         name="known_lengths",
         kind="line",
         vertices_m=vertices,
-        above_ground_m=over_ground(result.points, vertices, ends),
+        above_ground_m=compute_heights_over_ground(result.points, vertices, ends),
         attributes=attributes(LENGTHS, result),
     )
 
@@ -483,7 +483,7 @@ def _control_lines(result: Result) -> Layer:
     )
 
 
-def _measured(name: str, kind: str, result: Result) -> Layer:
+def _make_measured_layer(name: str, kind: str, result: Result) -> Layer:
     """Return measurements of areas (``polygon``), or lines; coordinates are points already."""
     measured, strips = result.measurements, measured_strips(result)
     is_area = np.array([k in ENCLOSED for k in measured.kind], dtype=bool)
@@ -497,7 +497,9 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
         name=name,
         kind="polygon" if kind == "polygon" else "line",
         vertices_m=tuple(vertices),
-        above_ground_m=over_ground(result.points, vertices, [measured.outlines[i] for i in rows]),
+        above_ground_m=compute_heights_over_ground(
+            result.points, vertices, [measured.outlines[i] for i in rows]
+        ),
         attributes=attributes(MEASUREMENTS, result, rows.tolist()),
     )
 
@@ -517,7 +519,7 @@ def _footprints(result: Result) -> Layer:
 
 
 def _cameras(result: Result) -> Layer:
-    rows, poses = shown_poses(result)
+    rows, poses = select_shown_poses(result)
     frames = result.frames
     variance = np.einsum("nii->ni", poses.covariance)
     optical = poses.world_from_camera[:, :, 2]

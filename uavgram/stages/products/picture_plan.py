@@ -52,10 +52,10 @@ def picture_plan(result: Result) -> PicturePlan:
     A point is shown in a photo in which it was picked, by a person if possible; for a measurement,
     ends may also be at their adjusted places.
     """
-    seen = _seen(result)
+    seen = _group_pixels_by_frame(result)
     points = [_Group(frozenset([label]), picked=True) for label in result.points.label]
     measured = [_Group(frozenset(labels), picked=False) for labels in _ends(result)]
-    frames = _chosen(seen, [*points, *(group for group in measured if group.labels)])
+    frames = _choose_frames(seen, [*points, *(group for group in measured if group.labels)])
     if not frames:
         return PicturePlan((), ())
     size = {"width_px": result.camera.width_px, "height_px": result.camera.height_px}
@@ -106,10 +106,10 @@ def _parts(
                 ),
             )
             at = np.stack([seen[best].lies[label] for label in sorted(group.labels)])
-            yield _around(result, subject, row, best, at)
+            yield _enclose_pixels(result, subject, row, best, at)
 
 
-def _seen(result: Result) -> dict[int, _Seen]:
+def _group_pixels_by_frame(result: Result) -> dict[int, _Seen]:
     """Return pixels of points by frame, for adjusted frames with picks."""
     frame_of = {name: k for k, name in enumerate(result.frames.frame_id)}
     seen: dict[int, _Seen] = {}
@@ -122,11 +122,11 @@ def _seen(result: Result) -> dict[int, _Seen]:
     named = {label for labels in _ends(result) for label in labels}
     rows = np.array([k for k, label in enumerate(result.points.label) if label in named], np.int64)
     for frame, one in seen.items():
-        one.lies.update(_adjusted(result, frame, rows) | one.picked)
+        one.lies.update(_project_adjusted_points(result, frame, rows) | one.picked)
     return seen
 
 
-def _adjusted(result: Result, frame: int, rows: Ints) -> dict[str, Floats]:
+def _project_adjusted_points(result: Result, frame: int, rows: Ints) -> dict[str, Floats]:
     """Project adjusted points to a photo, and return those inside it."""
     pixel = project_rows(
         result.camera,
@@ -148,7 +148,7 @@ def _ends(result: Result) -> tuple[tuple[str, ...], ...]:
     )
 
 
-def _chosen(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
+def _choose_frames(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
     """Choose frames that add most to those before; the first shows most measured points."""
     showing = _showing(seen, wanted)
     gain = dict.fromkeys(sorted(seen), 0)
@@ -197,7 +197,9 @@ def _showing(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[set[int]]
     ]
 
 
-def _around(result: Result, subject: Subject, row: int, frame: int, pixel_px: Floats) -> Region:
+def _enclose_pixels(
+    result: Result, subject: Subject, row: int, frame: int, pixel_px: Floats
+) -> Region:
     """Return the part around pixels (n, 2), inside the photo."""
     photo = np.array([result.camera.width_px, result.camera.height_px])
     least = np.clip(POINT_SHARE * photo[0], LEAST_POINT_PX, MOST_POINT_PX)

@@ -30,7 +30,7 @@ FOOT_STEPS = (1.2, 2.4, 3.6, 4.8, 6.0, 7.2)
 """Factors of a power of ten for scales; with feet, an inch is 1, 2, ... 6 times such feet."""
 
 
-def surveyed_extent(result: Result) -> tuple[Floats, Floats]:
+def find_surveyed_extent(result: Result) -> tuple[Floats, Floats]:
     """Return the south-west and north-east corner (2,) of the plan's ground.
 
     Raises

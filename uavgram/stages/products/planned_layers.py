@@ -25,7 +25,7 @@ LEAST_HOLD_S = 1.0
 _ROUNDING_M = 0.01
 
 
-def planned_origin(planned: FlightPlanned) -> Origin:
+def find_planned_origin(planned: FlightPlanned) -> Origin:
     """Return latitude [deg], longitude [deg], height above mean sea level [m] of the origin."""
     site = planned.site
     return site.latitude_deg, site.longitude_deg, site.height_msl_m
@@ -55,7 +55,7 @@ def flight_mission(
     GeometryError
         A photo is higher above the ground than the plan allows.
     """
-    frames, origin = planned.frames, planned_origin(planned)
+    frames, origin = planned.frames, find_planned_origin(planned)
     _check_heights(planned)
     latitude, longitude, _ = geodetic_from_enu(frames.center_world_m, origin)
     middle = planned.area_world_m.mean(axis=0)
@@ -147,7 +147,7 @@ def plan_layers(planned: FlightPlanned) -> Features:
             },
             above_ground_m=tuple(frames.height_above_ground_m[:, None]),
         ),
-        *_wanted(planned),
+        *_make_wanted_layer(planned),
         _layer("planned_points", "point", tuple(points.world_m[:, None]), label=points.label),
         _layer(
             "planned_lines",
@@ -172,7 +172,7 @@ def plan_layers(planned: FlightPlanned) -> Features:
             label=(*lines.start_label, *lines.end_label),
         ),
     )
-    origin = planned_origin(planned)
+    origin = find_planned_origin(planned)
     return Features(
         name=planned.name,
         layers=tuple(layer for layer in layers if len(layer)),
@@ -232,7 +232,7 @@ def wanted_strips(planned: FlightPlanned) -> dict[int, Floats]:
     return {k: strip for k, strip in strips.items() if len(strip)}
 
 
-def _wanted(planned: FlightPlanned) -> list[Layer]:
+def _make_wanted_layer(planned: FlightPlanned) -> list[Layer]:
     rows, strips = planned.measurements, wanted_strips(planned)
     return [
         _layer(

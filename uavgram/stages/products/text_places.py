@@ -143,14 +143,14 @@ def place_labels(
         places, boxes = TextPlaces(taken), np.full((len(labels), 5), np.nan)
         for count, row in enumerate(order):
             if most is not None and np.isfinite(boxes[order[:count], 0]).sum() == most:
-                return _with_leaders(labels, boxes, size)
+                return _add_leaders(labels, boxes, size)
             box = _place(places, labels[row], size, reach, bounds)
             if box is not None:
                 boxes[row] = box
             elif labels[row].is_needed and size > least:
                 break
         else:
-            return _with_leaders(labels, boxes, size)
+            return _add_leaders(labels, boxes, size)
         # No room for a needed text: make all letters smaller, and allow longer distances.
         needed = [row for row, one in enumerate(labels) if one.is_needed]
         fitted = float(np.isfinite(boxes[needed, 0]).mean())
@@ -158,7 +158,7 @@ def place_labels(
         reach *= _FARTHER
 
 
-def _with_leaders(labels: Sequence[Label], boxes: Floats, size: float) -> Placed:
+def _add_leaders(labels: Sequence[Label], boxes: Floats, size: float) -> Placed:
     leaders, sides = np.full((len(labels), 2, 2), np.nan), np.zeros(len(labels), np.int64)
     has_place = np.isfinite(boxes[:, 0])
     rows = [row for row in np.flatnonzero(has_place).tolist() if labels[row].where != "at"]
@@ -223,11 +223,11 @@ def _place(
     if label.where == "at":
         candidates = np.array([[*middle, *half, label.turn]])
     elif label.where == "along" and length > 0:
-        shift = _moved_aside(half, length) / 2 * way / length
+        shift = _compute_shift_aside(half, length) / 2 * way / length
         candidates = _along(label.start + shift, way / length, length, half, gap, rounds)
         candidates[:, 2] += math.hypot(*shift)
     else:
-        candidates = around(middle, half, gap, rounds)
+        candidates = list_places_around(middle, half, gap, rounds)
         if length > 0:
             on_line = label.start + np.array(_SHARES)[:, None] * way
             on_line = np.column_stack([on_line, np.broadcast_to([*half, 0.0], (len(on_line), 3))])
@@ -262,7 +262,7 @@ def _within_bounds(candidates: Floats, bounds: tuple[Floats, Floats], where: Whe
     return np.asarray(candidates[inside])
 
 
-def _moved_aside(half: Floats, length: float) -> float:
+def _compute_shift_aside(half: Floats, length: float) -> float:
     """Return the shift along its line that some programs give to a text longer than the line.
 
     `RS_Dimension::updateCreateDimensionLine` of LibreCAD 2.2: by half of both and a gap, for any
@@ -344,7 +344,7 @@ class TextPlaces:
         return np.asarray(taken[is_near])
 
 
-def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats:
+def list_places_around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats:
     """Return level places (16, 5) of a text around a point: right above first, then other corners.
 
     Parameters

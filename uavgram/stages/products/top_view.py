@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.errors import GeometryError, near_miss
+from uavgram.errors import GeometryError, suggest_spelling
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.geometry.ground.plane import intersect_ground
@@ -12,7 +12,7 @@ from uavgram.geometry.ground.row_projection import row_poses, sight_lines
 from uavgram.geometry.ground.top_view import MIN_SINE, View
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps import GroundRaster
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.result.result import Result
 
 EXTENT_SAMPLES = 41
@@ -39,7 +39,7 @@ def choose_view(result: Result, frame: str | None = None) -> View:
     rows = np.flatnonzero(result.has_refined)
     if frame is not None:
         if frame not in result.frames.frame_id:
-            hint = near_miss(frame, result.frames.frame_id)
+            hint = suggest_spelling(frame, result.frames.frame_id)
             raise GeometryError(
                 f"there is no frame {frame!r} in this project" + (f" ({hint})" if hint else "")
             )
@@ -100,19 +100,19 @@ def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
 
 def _check_size(extent_m: Floats, pixel_m: float) -> None:
     """Refuse pixels that are too many, or too few."""
-    shown = f"the photos show {figures(extent_m[0], 3)} x {figures(extent_m[1], 3)} m"
+    shown = f"the photos show {format_digits(extent_m[0], 3)} x {format_digits(extent_m[1], 3)} m"
     # in this order, as the square of a tiny number underflows
     if extent_m[0] / pixel_m > MOST_PIXELS / max(extent_m[1] / pixel_m, 1.0):
         least = float(np.sqrt(np.prod(extent_m) / MOST_PIXELS))
         raise GeometryError(
             f"pixels of {pixel_m:g} m are too many: {shown}; ask for --pixel-size "
-            f"{figures(least)} or "
+            f"{format_digits(least)} or "
             "more, or for one --frame"
         )
     if extent_m.min() < LEAST_PIXELS * pixel_m:
         raise GeometryError(
             f"pixels of {pixel_m:g} m are too large: {shown}; ask for --pixel-size "
-            f"{figures(extent_m.min() / LEAST_PIXELS)} or less"
+            f"{format_digits(extent_m.min() / LEAST_PIXELS)} or less"
         )
 
 

@@ -18,7 +18,7 @@ from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
-from uavgram.stages.refine.causes.hypothesis import CONTRADICTING, PRICE, Diagnosis
+from uavgram.stages.refine.causes.hypothesis import CONTRADICTING, GROSS_ERROR_LOG_ODDS, Diagnosis
 from uavgram.stages.refine.causes.identification import (
     SURE_LOG_ODDS,
     IdentifiedCauses,
@@ -171,8 +171,10 @@ def _find_common_errors(
     if not common.causes:
         return None
     # Compare the sums of squares, with the prices of the causes and of all that takes no part.
-    cost = found.cost + 2.0 * PRICE * (robust.count_numbers() + _count_lost(taking, robust.refined))
-    common_cost = common.cost + 2.0 * PRICE * _count_lost(taking, plain)
+    cost = found.cost + 2.0 * GROSS_ERROR_LOG_ODDS * (
+        robust.count_numbers() + _count_lost(taking, robust.refined)
+    )
+    common_cost = common.cost + 2.0 * GROSS_ERROR_LOG_ODDS * _count_lost(taking, plain)
     return common if common_cost + 2.0 * SURE_LOG_ODDS < cost else None
 
 
@@ -220,7 +222,7 @@ def _exchange_wrong_picks(survey: Survey, refined: Refined, found: IdentifiedCau
     poses = {name: one for name, one in taking.pose_widened.items() if name not in frames}
     other = replace(taking, keep=keep, reason=reason, pose_widened=poses)
     try:
-        after = find_best_minima(other.without_picks(_reasons(survey, sorted(found.wrong))))
+        after = find_best_minima(other.leave_out_picks(_reasons(survey, sorted(found.wrong))))
     except GeometryError:
         return refined
     return after if after.adjustment.minimum.converged else refined

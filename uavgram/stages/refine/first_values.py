@@ -140,11 +140,11 @@ def _is_far(one: Pose, other: Pose) -> bool:
 def _seed_surveys(survey: Survey) -> list[Survey]:
     """Return the survey with its seeds and, if lengths contradict these, with seeds that fit them.
 
-    Lengths are used in a frame that shows three or more whole and whose pose they determine: of the
-    poses that explain them, those that the telemetry allows. Where such a pose and the seed are
-    close together, the iterations find it by themselves. Where they are far from the seed, or from
-    each other, each is a start of its own: for the frame with most lines; the other frames take the
-    best of theirs.
+    Lengths are used in frames that show three or more of them completely, if these determine the
+    pose. Of the poses that explain the lengths, only those that the telemetry allows are used. If
+    one is close to the seed, the iterations find it from there. Poses far from the seed, or from
+    each other, are starts of their own for the frame with most lines; other frames use their best
+    one.
     """
     assert survey.seeds is not None  # noqa: S101  (the caller asked)
     seeds, ground = survey.seeds, survey.ground

@@ -2,10 +2,10 @@
 
 1. `adjust_robustly` keeps an ordinary adjustment that fits (`_is_in_order`).
 2. Otherwise robust adjustments (`robust_adjustment.py`) begin from several first values: with
-   enlarged sigmas, then without single lengths, known things or photos (`_most_agreed`).
+   enlarged sigmas, then without single lengths, known things or photos (`_find_best_candidates`).
 3. The candidate of least cost decides which observations are gross errors.
-4. The remaining observations are adjusted as usual (`_adjusted_without`), and the removed ones are
-   reported.
+4. The remaining observations are adjusted as usual (`_adjust_without_candidate`), and the removed
+   ones are reported.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import listed_photos
+from uavgram.model.naming import join_photo_names
 from uavgram.model.survey import Ground, Survey
 from uavgram.stages.refine.first_values import find_first_values
 from uavgram.stages.refine.left_out import (
@@ -60,14 +60,14 @@ from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.readjustment import convert_state
 from uavgram.stages.refine.robust_adjustment import (
     LEAST_REDUNDANCY,
-    NEARLY_NONE,
     ROBUST,
     SCHEDULE,
+    ZERO_WEIGHT,
     Annealed,
     anneal,
+    compute_squared_misfits,
     decide,
-    squared_misfits,
-    weighted_minimum,
+    minimise_weighted_cost,
 )
 
 ORDINARY_SIGMAS = 5.0
@@ -87,20 +87,20 @@ MOST_GROSS_OF_A_PHOTO = 4
 """Number of gross errors that a photo counts as where it is left out: three picks determine its
 pose, and a fourth one checks it."""
 
-CORRELATED = 3.0
+CORRELATED_SIGMA_FACTOR = 3.0
 """Factor of the sigmas of poses of a log that is wrong as a whole: their errors go together."""
 
-MISFIT = 1e-6
+MISFIT_PROBABILITY = 1e-6
 """Probability of the sum of squares without gross errors, below which the rest does not fit."""
 
-FEW_GROSS = 0.03
+FEW_GROSS_SHARE = 0.03
 """Share of all observations, and at least one, that may be gross errors without a search from other
 first values."""
 
-RIVAL = 2.0 * float(np.log(20.0))
+MAX_RIVAL_INCREASE = 2.0 * float(np.log(20.0))
 """Difference of costs up to which another explanation has odds of more than 1 in 20."""
 
-PROMISING = 0.5
+MIN_DECREASE_SHARE = 0.5
 """Share of the gross error's decrease of the sum of squares that another observation must reach, in
 the linear model, to be tried instead."""
 
@@ -179,7 +179,7 @@ class Robust:
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
             frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
-            what = f"{label!r} in {listed_photos(frames)}"
+            what = f"{label!r} in {join_photo_names(frames)}"
             text = (
                 f"The picks of {what} contradict each other. Nothing shows which of them is wrong, "
                 "so the point is uncertain by as much as they differ. Pick it again in these "
@@ -221,13 +221,13 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
     except GeometryError as why:
         failed = why
     if plain is None or not _is_in_order(taking, plain):
-        agreed = _most_agreed(taking)
+        agreed = _find_best_candidates(taking)
         # Without a photo of another place, the rest may have gross errors of other kinds.
         rest = taking
         while agreed and agreed[0].taking.keep.sum() < rest.keep.sum():
             rest = agreed[0].taking
             if not agreed[0].explains():
-                agreed = _most_agreed(rest)
+                agreed = _find_best_candidates(rest)
         # Photos that contradict the rest, but without which it does not fit, are no exception; then
         # a candidate with them is the last resort.
         agreed = [one for one in agreed if not one.misplaced] or agreed
@@ -237,17 +237,17 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         if prior is not None and len(taking.pose_widened) < len(wrong) == len(prior.frame_index):
             with suppress(GeometryError):
                 return adjust_robustly(replace(taking, pose_widened=wrong))
-        robust = _without_outliers(taking, agreed)
+        robust = _adjust_without_outliers(taking, agreed)
         if robust is not None:
-            return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
+            return replace(robust, refined=_mark_misplaced_photos(taking.survey, robust.refined))
     if plain is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
-    plain = _with_misplaced(taking.survey, plain)
+    plain = _mark_misplaced_photos(taking.survey, plain)
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
 
 
-def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
+def _mark_misplaced_photos(survey: Survey, refined: Refined) -> Refined:
     """Mark photos as misplaced whose pose, from their own picks, shows the sky at all picks."""
     if survey.telemetry is not None:  # otherwise the pose is that of the log
         return refined
@@ -270,7 +270,7 @@ def _is_in_order(taking: Participants, refined: Refined) -> bool:
     adjustment = refined.adjustment
     if not adjustment.minimum.converged or len(refined.pick_reason) > len(taking.reason):
         return False
-    squares = squared_misfits(adjustment.problem, adjustment.minimum, {})
+    squares = compute_squared_misfits(adjustment.problem, adjustment.minimum, {})
     return all(square.max(initial=0.0) < ORDINARY_SIGMAS**2 for square in squares.values())
 
 
@@ -350,14 +350,14 @@ class Candidate:
         degrees = max(numbers - left - found.problem.layout.size, 1)
         # Sum of squares of the rest: each gross error contributes GROSS_SIGMAS^2 to the cost.
         squares = found.cost - GROSS_SIGMAS**2 * sum(gross.values())
-        return bool(squares < chdtri(degrees, MISFIT))
+        return bool(squares < chdtri(degrees, MISFIT_PROBABILITY))
 
     def is_agreed(self) -> bool:
         """Return whether nearly all take part and no other length could be the wrong one."""
         is_converged = self.annealed.minimum.converged and not self.misplaced
         gross = self._count_gross_errors()
         number = sum(map(len, self.annealed.misfit.values()))
-        if not is_converged or gross > max(1, FEW_GROSS * number):
+        if not is_converged or gross > max(1, FEW_GROSS_SHARE * number):
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead
@@ -467,41 +467,43 @@ def _find_seen_lines(taking: Participants) -> set[int]:
     return set(np.flatnonzero(is_seen & ~taking.line_removed).tolist())
 
 
-def _most_agreed(taking: Participants) -> list[Candidate]:
+def _find_best_candidates(taking: Participants) -> list[Candidate]:
     """Adjust robustly from all first values; return the candidates, that of least cost first.
 
     First values without some of the observations are tried where the earlier ones lead to no
     agreement.
     """
-    found = _by_cost(taking, _from_softened(taking))
+    found = _sort_by_cost(taking, _adjust_from_softened(taking))
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
     several = (one for one in found if one.has_several_gross_errors())
-    found = _by_cost(taking, chain(found, *map(_with_one_instead, several)))
+    found = _sort_by_cost(taking, chain(found, *map(_try_single_error, several)))
     if found and found[0].is_agreed():
         return found[:1]
     # First values may depend on gross errors: leave out some observations.
-    searches = [_without_references, _without_photos]
+    searches = [_try_without_references, _try_without_photos]
     if not found or found[0].doubts_a_photo():
         searches.reverse()
-    for search in (_without_suspects, *searches, _without_two_lengths):
+    for search in (_try_without_suspects, *searches, _try_without_two_lengths):
         best = found[:1]
         for candidate in search(taking, found):
-            found = _by_cost(taking, [*found, candidate])
+            found = _sort_by_cost(taking, [*found, candidate])
             is_sure = candidate.is_agreed() and candidate.keeps_lengths(taking)
             if found[0] is candidate and is_sure:
                 return found[:1]
         # Without references, or with other gross errors, something else may be wrong: search on.
-        if search is _without_references or found[:1] == best or not found[0].explains():
+        if search is _try_without_references or found[:1] == best or not found[0].explains():
             continue
         is_sure = found[0].leaves_no_other() and found[0].keeps_lengths(taking)
-        if search is _without_photos or is_sure:
+        if search is _try_without_photos or is_sure:
             break
     return found
 
 
-def _without_references(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+def _try_without_references(
+    taking: Participants, found: Sequence[Candidate]
+) -> Iterator[Candidate]:
     """Adjust robustly from first values without a known thing, control, or one or more lengths.
 
     Parameters
@@ -511,12 +513,14 @@ def _without_references(taking: Participants, found: Sequence[Candidate]) -> Ite
     found
         Candidates so far, that of least cost first.
     """
-    whole, most = _unsoftened(taking), _most_of_a_rival(taking, found)
-    for part in chain(_without_a_known_thing(whole), _without_a_length(whole)):
-        yield from _from_reduced(part, whole, taking, most)
+    whole, most = _add_small_roughness(taking), _most_of_a_rival(taking, found)
+    for part in chain(_leave_out_each_known_thing(whole), _leave_out_each_length(whole)):
+        yield from _adjust_from_reduced(part, whole, taking, most)
 
 
-def _without_two_lengths(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+def _try_without_two_lengths(
+    taking: Participants, found: Sequence[Candidate]
+) -> Iterator[Candidate]:
     """Adjust robustly from first values without each pair of lengths, where no log gives others.
 
     Several photos that agree need no such search.
@@ -530,14 +534,14 @@ def _without_two_lengths(taking: Participants, found: Sequence[Candidate]) -> It
     """
     if found and found[0].explains() and len(np.unique(taking.survey.pick_frame)) > 1:
         return
-    whole, most = _unsoftened(taking), _most_of_a_rival(taking, found)
+    whole, most = _add_small_roughness(taking), _most_of_a_rival(taking, found)
     lines = np.flatnonzero(~taking.line_removed).tolist()
     if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
         for pair in combinations(lines, 2):
-            yield from _from_reduced(whole.without_lines(pair), whole, taking, most)
+            yield from _adjust_from_reduced(whole.leave_out_lines(pair), whole, taking, most)
 
 
-def _without_suspects(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+def _try_without_suspects(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
     """Adjust robustly without all photos that contradict the rest, until no other one does.
 
     A photo of another place, mirrored, or with its labels in disorder spoils the tests of all
@@ -552,15 +556,15 @@ def _without_suspects(taking: Participants, found: Sequence[Candidate]) -> Itera
     """
     names = found[0].misplaced if found else ()
     while names:
-        rest = taking.without_frames(names, MISPLACED)
+        rest = taking.leave_out_frames(names, MISPLACED)
         if not _are_most_left(taking, rest):
             return
-        best = _by_cost(rest, chain(_from_rest(rest), _from_softened(rest)))[:1]
+        best = _sort_by_cost(rest, chain(_adjust_from_rest(rest), _adjust_from_softened(rest)))[:1]
         yield from best
         names = (*names, *best[0].misplaced) if best and best[0].misplaced else ()
 
 
-def _without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+def _try_without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
     """Adjust robustly without one photo, or without its wrong picks, until the rest fits.
 
     Where either of two photos fits alone, nothing shows which of them is wrong.
@@ -575,19 +579,19 @@ def _without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterato
     photos = _photos_by_gross_picks(taking, found)
     if not 1 < len(photos) <= MOST_STARTS or (found and found[0].explains()):
         return
-    parts = (taking.without_frames([name], MISPLACED) for name in photos)
-    each = (one for rest in parts for one in _from_rest(rest))
+    parts = (taking.leave_out_frames([name], MISPLACED) for name in photos)
+    each = (one for rest in parts for one in _adjust_from_rest(rest))
     fitting = (one for one in each if one.explains() and one.leaves_no_other())
     best = _better_of_two(taking, fitting) if len(photos) == 2 else list(islice(fitting, 1))
     for candidate in best:
-        yield from _without_wrong_picks(taking, candidate)
+        yield from _try_without_wrong_picks(taking, candidate)
     yield from best
 
 
-def _from_rest(rest: Participants) -> Iterator[Candidate]:
+def _adjust_from_rest(rest: Participants) -> Iterator[Candidate]:
     """Adjust robustly from the ordinary minima of the remaining observations."""
-    whole = _unsoftened(rest)
-    return _from_reduced(whole, whole, rest)
+    whole = _add_small_roughness(rest)
+    return _adjust_from_reduced(whole, whole, rest)
 
 
 def _photos_by_gross_picks(taking: Participants, found: Sequence[Candidate]) -> list[str]:
@@ -604,8 +608,8 @@ def _better_of_two(taking: Participants, alone: Iterable[Candidate]) -> list[Can
 
     Where the two are as good, the picks of the photo are left out with the reason `EITHER`.
     """
-    fitting = _by_cost(taking, alone)
-    if len(fitting) < 2 or fitting[1].cost(taking) > fitting[0].cost(taking) + RIVAL:
+    fitting = _sort_by_cost(taking, alone)
+    if len(fitting) < 2 or fitting[1].cost(taking) > fitting[0].cost(taking) + MAX_RIVAL_INCREASE:
         return fitting[:1]
     best = fitting[0].taking
     left = np.flatnonzero(taking.keep & ~best.keep).tolist()
@@ -613,7 +617,7 @@ def _better_of_two(taking: Participants, alone: Iterable[Candidate]) -> list[Can
     return [replace(fitting[0], taking=replace(best, reason=reason))]
 
 
-def _without_wrong_picks(taking: Participants, without: Candidate) -> Iterator[Candidate]:
+def _try_without_wrong_picks(taking: Participants, without: Candidate) -> Iterator[Candidate]:
     """Adjust robustly with the picks of left-out photos that agree on a pose, among wrong ones.
 
     Labels that are swapped, or one wrong pick, rotate and move their photo, and all of its picks
@@ -642,11 +646,13 @@ def _without_wrong_picks(taking: Participants, without: Candidate) -> Iterator[C
         if agree is None or 2 * agree.sum() <= len(picks) or agree.sum() <= MIN_PICKS:
             return  # so few agree on any pose
         wrong += picks[~agree].tolist()
-    whole = _unsoftened(taking)
-    yield from _from_reduced(whole.without_picks(dict.fromkeys(wrong, MISPLACED)), whole, taking)
+    whole = _add_small_roughness(taking)
+    yield from _adjust_from_reduced(
+        whole.leave_out_picks(dict.fromkeys(wrong, MISPLACED)), whole, taking
+    )
 
 
-def _unsoftened(taking: Participants) -> Participants:
+def _add_small_roughness(taking: Participants) -> Participants:
     """Return the observations with a little roughness of the ground, and of the tapes' scales."""
     return replace(taking, survey=_softer(taking.survey, 1.0))
 
@@ -660,10 +666,14 @@ def _most_of_a_rival(taking: Participants, found: Sequence[Candidate]) -> float:
     if not found:
         return np.inf
     cost = found[0].cost(taking)
-    return cost + RIVAL - GROSS_SIGMAS**2 if cost + RIVAL < 2.0 * GROSS_SIGMAS**2 else np.inf
+    return (
+        cost + MAX_RIVAL_INCREASE - GROSS_SIGMAS**2
+        if cost + MAX_RIVAL_INCREASE < 2.0 * GROSS_SIGMAS**2
+        else np.inf
+    )
 
 
-def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
+def _sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
     """Sort candidates by their cost for all participating picks, that of least cost first.
 
     Candidates with photos that contradict the rest come last: without these photos the other
@@ -683,7 +693,7 @@ def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Cand
     )
 
 
-def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
+def _leave_out_each_known_thing(whole: Participants) -> Iterator[Participants]:
     """Leave out each known thing, and all control points or, where no log places photos, each."""
     survey, number = whole.survey, len(whole.survey.control_label)
     things = [one.index for one in survey.known if one.index not in whole.known_removed]
@@ -696,7 +706,7 @@ def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
             yield replace(whole, survey=select_control(survey, ~rows))
 
 
-def _without_a_length(whole: Participants) -> Iterator[Participants]:
+def _leave_out_each_length(whole: Participants) -> Iterator[Participants]:
     """Leave out all lengths where there is a log, otherwise each of them.
 
     First values without a log may depend on a wrong length. Where all lengths are in another unit,
@@ -704,12 +714,12 @@ def _without_a_length(whole: Participants) -> Iterator[Participants]:
     """
     lines = np.flatnonzero(~whole.line_removed).tolist()
     if whole.survey.telemetry is not None and lines:
-        yield whole.without_lines(lines)
+        yield whole.leave_out_lines(lines)
     elif 3 < len(lines) <= MOST_STARTS:
-        yield from (whole.without_lines([line]) for line in lines)
+        yield from (whole.leave_out_lines([line]) for line in lines)
 
 
-def _from_softened(taking: Participants) -> Iterator[Candidate]:
+def _adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
     """Adjust robustly from hundredfold sigmas, and from heights that photos show.
 
     The second start is for surveys with most points off the ground, as on roofs and cars: there no
@@ -722,25 +732,25 @@ def _from_softened(taking: Participants) -> Iterator[Candidate]:
         return
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
-            placed, problem = _stated_problem(adjustment, first, whole)
+            placed, problem = _build_stated_problem(adjustment, first, whole)
             annealed = anneal(problem, convert_state(adjustment, problem))
             yield Candidate(taking, placed, annealed)
     with suppress(SingularError, ValueError):
-        placed, problem = _stated_problem(first.adjustment, first, whole)
+        placed, problem = _build_stated_problem(first.adjustment, first, whole)
         survey = problem.survey
         # Second start: heights are nearly free, then points clear of the main plane leave the
         # ground.
-        grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in survey.grounds]
-        anywhere = _with_ground(problem, tuple(grounds))
+        grounds = [replace(one, roughness_sigma_m=UNKNOWN_HEIGHT_SIGMA_M) for one in survey.grounds]
+        anywhere = _replace_ground(problem, tuple(grounds))
         start = convert_state(first.adjustment, anywhere)
         found = anneal(anywhere, start, on_ground=False)
         is_off = _clear_of_ground(survey, found.minimum.state.point)[problem.third.rough]
-        weight = {**found.weight, "roughness": np.where(is_off, NEARLY_NONE, 1.0)}
-        minimum = weighted_minimum(problem, found.minimum.state, weight)
+        weight = {**found.weight, "roughness": np.where(is_off, ZERO_WEIGHT, 1.0)}
+        minimum = minimise_weighted_cost(problem, found.minimum.state, weight)
         yield Candidate(taking, placed, decide(problem, minimum, weight))
 
 
-def _from_reduced(
+def _adjust_from_reduced(
     reduced: Participants, whole: Participants, taking: Participants, most: float = np.inf
 ) -> Iterator[Candidate]:
     """Adjust robustly from each ordinary minimum of a part of the observations.
@@ -765,16 +775,16 @@ def _from_reduced(
         return
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
-            placed, problem = _stated_problem(adjustment, first, whole)
+            placed, problem = _build_stated_problem(adjustment, first, whole)
             weight = _weights_without(problem, adjustment, first, reduced)
             weight["pixels"] = np.where(
-                np.isin(placed.pick_index, first.pick_index), 1.0, NEARLY_NONE
+                np.isin(placed.pick_index, first.pick_index), 1.0, ZERO_WEIGHT
             )
-            minimum = weighted_minimum(problem, convert_state(adjustment, problem), weight)
+            minimum = minimise_weighted_cost(problem, convert_state(adjustment, problem), weight)
             yield Candidate(taking, placed, decide(problem, minimum, weight))
 
 
-def _stated_problem(
+def _build_stated_problem(
     adjustment: Adjustment, first: Refined, whole: Participants
 ) -> tuple[Refined, SurveyProblem]:
     """Build the likelihood of all observations of the points and photos in an adjustment.
@@ -824,7 +834,7 @@ def _stated_problem(
     return placed, SurveyProblem(survey, adjustment.problem.pivot_m, lines)
 
 
-def _with_ground(problem: SurveyProblem, grounds: tuple[Ground, ...]) -> SurveyProblem:
+def _replace_ground(problem: SurveyProblem, grounds: tuple[Ground, ...]) -> SurveyProblem:
     """Build the likelihood of the same observations on another ground."""
     used = np.zeros(len(problem.survey.line_start), dtype=np.bool_)
     used[problem.line_index] = True
@@ -840,14 +850,14 @@ def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
         height, sigma = point_m[own, 2], np.full(len(own), OFF_GROUND_M)
         plane = fit_robust_plane(point_m[own, :2], height, sigma)
         if plane is not None:
-            is_off[own] = np.abs(height - plane) > CLEAR_M
+            is_off[own] = np.abs(height - plane) > MIN_RAISED_M
     return is_off
 
 
-CLEAR_M = 0.3
+MIN_RAISED_M = 0.3
 """Height above the plane of most points [m] above which a point begins off the ground."""
 
-ANYWHERE_M = 3.0
+UNKNOWN_HEIGHT_SIGMA_M = 3.0
 """Sigma of the height of a point above the ground [m] without any knowledge of it."""
 
 
@@ -859,7 +869,7 @@ def _weights_without(
     known = [problem.known[k].index in taking.known_removed for k in problem.known_thing]
     control = ~np.isin(problem.survey.control_label, adjustment.survey.control_label)
     is_out = {"lengths": lines, "known": np.array(known, dtype=np.bool_), "control": control}
-    return {name: np.where(rows, NEARLY_NONE, 1.0) for name, rows in is_out.items() if len(rows)}
+    return {name: np.where(rows, ZERO_WEIGHT, 1.0) for name, rows in is_out.items() if len(rows)}
 
 
 def _softer(survey: Survey, factor: float) -> Survey:
@@ -885,7 +895,7 @@ def _has_rival(found: Annealed, row: int) -> bool:
     """Return whether another length explains the misfit of a removed one, in the linear model."""
     whole, falls = _falls_with_all(found, {"lengths": np.array([row])})
     others = found.misfit["lengths"] <= GROSS_SIGMAS
-    return bool((falls["lengths"][others] > whole - RIVAL).any())
+    return bool((falls["lengths"][others] > whole - MAX_RIVAL_INCREASE).any())
 
 
 def _falls_with_all(
@@ -970,15 +980,15 @@ def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats,
     return dense.T, np.concatenate([one.ravel() for one in errors]), place
 
 
-def _with_one_instead(
+def _try_single_error(
     candidate: Candidate, kinds: Collection[str] = ("lengths", "pixels")
 ) -> Iterator[Candidate]:
     """Try one gross error in place of all others, or of a misfit that has none.
 
-    A wrong pick turns its photo, and lengths and other picks of the photo no longer fit; so many of
-    them that they seem to be less exact than stated. Or the only gross error is a length, and a
-    wrong pick at one of its ends explains as much. All gross errors take part again, without the
-    single observation, of one of the kinds, that the linear model proposes.
+    A single wrong pick can rotate its photo, so that many lengths and other picks of the photo no
+    longer fit. Or the only gross error is a length, and a wrong pick at one of its ends would
+    explain as much. The linear model proposes single observations of the given kinds. For each, all
+    gross errors take part again, and only that observation is left out.
     """
     found = candidate.annealed
     gross = {name: found.gross(name) for name in found.misfit if len(found.gross(name))}
@@ -996,12 +1006,12 @@ def _with_one_instead(
     out = {(name, row) for name, rows in gross.items() for row in rows.tolist()}
     new = [one for one in proposed if {one[1:]} != out]
     for fall, name, row in new[:MOST_PROPOSED]:
-        if fall < max(PROMISING * whole, GROSS_SIGMAS**2):
+        if fall < max(MIN_DECREASE_SHARE * whole, GROSS_SIGMAS**2):
             break
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
-        weight[name][row] = NEARLY_NONE
+        weight[name][row] = ZERO_WEIGHT
         with suppress(SingularError, ValueError):  # undetermined, or impossible
-            minimum = weighted_minimum(found.problem, found.minimum.state, weight)
+            minimum = minimise_weighted_cost(found.problem, found.minimum.state, weight)
             yield replace(candidate, annealed=decide(found.problem, minimum, weight))
 
 
@@ -1026,7 +1036,7 @@ def _is_known_mistake(found: Annealed, row: int) -> bool:
     return bool(explain_length(taped, sigma, taped + error_m, error_sigma_m))
 
 
-def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robust | None:
+def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robust | None:
     """Adjust without the gross errors of the best candidate; None where that has no result.
 
     Among candidates that explain as much, the one that keeps most picks comes first, and one that
@@ -1035,18 +1045,20 @@ def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robu
     if not agreed:
         return None
     if _has_open_length(agreed[0]):
-        instead = (one for one in _with_one_instead(agreed[0], ["pixels"]) if not one.misplaced)
-        agreed = _by_cost(taking, [*agreed, *instead])
+        instead = (one for one in _try_single_error(agreed[0], ["pixels"]) if not one.misplaced)
+        agreed = _sort_by_cost(taking, [*agreed, *instead])
     least = agreed[0].cost(taking)
-    near = [one for one in agreed if one.cost(taking) <= least + RIVAL]
+    near = [one for one in agreed if one.cost(taking) <= least + MAX_RIVAL_INCREASE]
     near.sort(key=lambda one: -len(one.used))
     # One candidate for each set of left-out observations.
     different = {one.left_out: one for one in reversed(near)}
     each = [one for one in near if different[one.left_out] is one]
-    pairs = [(one, candidate) for candidate in each if (one := _adjusted_without(candidate))]
+    pairs = [
+        (one, candidate) for candidate in each if (one := _adjust_without_candidate(candidate))
+    ]
     pairs.sort(key=lambda pair: not pair[0].refined.adjustment.minimum.converged)
     if not pairs:
-        return _without_outliers(taking, [one for one in agreed if one not in near])
+        return _adjust_without_outliers(taking, [one for one in agreed if one not in near])
     (robust, _), *others = pairs
     # Record lengths and clicks that rival explanations leave out, and their adjustments.
     refined, rivals = robust.refined, set[str]()
@@ -1056,7 +1068,7 @@ def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robu
         other = rival.refined
         lines = np.flatnonzero(other.line_removed & ~refined.line_removed)
         rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
-        picks = sorted(_gross_picks(other) - _gross_picks(refined))
+        picks = sorted(_list_gross_picks(other) - _list_gross_picks(refined))
         named = (robust.survey.label[robust.survey.pick_label[k]] for k in picks)
         clicks |= dict.fromkeys(named, other.adjustment)
         same = other.adjustment.survey.label == refined.adjustment.survey.label
@@ -1071,18 +1083,18 @@ def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robu
     return replace(robust, refined=refined)
 
 
-def _gross_picks(refined: Refined) -> set[int]:
+def _list_gross_picks(refined: Refined) -> set[int]:
     """Return picks that were left out as gross errors."""
     return {k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS}
 
 
-def _adjusted_without(candidate: Candidate) -> Robust | None:
+def _adjust_without_candidate(candidate: Candidate) -> Robust | None:
     """Adjust without the gross errors of a candidate, as usual; None where that has no result."""
     taking, first, found = candidate.taking, candidate.first, candidate.annealed
     survey, reduced, problem = taking.survey, found.problem.survey, found.problem
     picks = found.gross("pixels")
     # Picks that contradict each other stay, with a sigma as large as their misfit.
-    lost = np.flatnonzero(np.isin(reduced.pick_label, _contradicting(found)))
+    lost = np.flatnonzero(np.isin(reduced.pick_label, _find_contradicting(found)))
     sigma_px = survey.pick_sigma_px.copy()
     sigma_px[first.pick_index[lost]] = _spread_px(found, lost)
     reason = {
@@ -1112,10 +1124,10 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
         known_removed=taking.known_removed | known,
         pose_widened={**taking.pose_widened, **wrong_poses},
     )
-    left = left.without_picks(reason)
+    left = left.leave_out_picks(reason)
     unplaced = {k: first.pick_reason.get(k, MISPLACED) for k in candidate.unplaced.tolist()}
-    placed = left.without_picks(unplaced)
-    results = [_adjusted(placed, found)]
+    placed = left.leave_out_picks(unplaced)
+    results = [_adjust_rest(placed, found)]
     if unplaced:  # without the gross errors, first values may have a place for all picks
         results.append(adjust_on_trial(left, FULL))
     number = int(left.keep.sum())
@@ -1146,23 +1158,23 @@ def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str,
     prior, frame_id = found.problem.survey.telemetry, found.problem.survey.frame_id
     if prior is None:
         return {}
-    squares = squared_misfits(found.problem, found.minimum, found.weight)["telemetry"]
+    squares = compute_squared_misfits(found.problem, found.minimum, found.weight)["telemetry"]
     name = [frame_id[k] for k in prior.frame_index]
     factor = np.sqrt(squares) * [before.get(one, 1.0) for one in name]
     rows = np.flatnonzero(squares > GROSS_SIGMAS**2)
     if 2 * len({name[k] for k in rows} | before.keys()) < len(name):
         return {name[k]: float(factor[k]) for k in rows}
-    common = CORRELATED * float(np.sqrt(np.mean(factor**2)))
+    common = CORRELATED_SIGMA_FACTOR * float(np.sqrt(np.mean(factor**2)))
     return dict.fromkeys(name, common) if len(rows) else {}
 
 
-def _adjusted(left: Participants, found: Annealed) -> Refined | None:
+def _adjust_rest(left: Participants, found: Annealed) -> Refined | None:
     """Adjust the rest, from the robust adjustment where other first values lead nowhere near it."""
     number = int(left.keep.sum())
     results: list[Refined] = []
     with suppress(GeometryError):
         results.append(find_best_minima(left))
-    if not results or _cost_of_all(results[0], number) > (False, found.cost + RIVAL):
+    if not results or _cost_of_all(results[0], number) > (False, found.cost + MAX_RIVAL_INCREASE):
         with suppress(GeometryError):
             results.append(find_minima_from(left, lambda survey: [_first_values(found, survey)]))
     return min(results, key=lambda one: _cost_of_all(one, number), default=None)
@@ -1189,7 +1201,7 @@ def _first_values(found: Annealed, survey: Survey) -> FirstValues:
     )
 
 
-def _contradicting(found: Annealed) -> list[int]:
+def _find_contradicting(found: Annealed) -> list[int]:
     """Find labels whose picks contradict each other, without evidence for which of them is wrong.
 
     Either all picks of the label are gross errors, or others of its picks could be the gross errors
@@ -1236,13 +1248,15 @@ def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
     """
     problem = found.problem
     # Exchange the roles of the point's picks, and decide again.
-    weight = {**found.weight, "pixels": np.where(gross ^ own, NEARLY_NONE, 1.0)}
+    weight = {**found.weight, "pixels": np.where(gross ^ own, ZERO_WEIGHT, 1.0)}
     try:
-        other = decide(problem, weighted_minimum(problem, found.minimum.state, weight), weight)
+        other = decide(
+            problem, minimise_weighted_cost(problem, found.minimum.state, weight), weight
+        )
     except (SingularError, ValueError):  # undetermined, or impossible
         return False
     is_other = own & gross & (other.misfit["pixels"] <= GROSS_SIGMAS)
-    return bool(is_other.any()) and other.cost <= found.cost + RIVAL
+    return bool(is_other.any()) and other.cost <= found.cost + MAX_RIVAL_INCREASE
 
 
 def _spread_px(found: Annealed, rows: Ints) -> Floats:

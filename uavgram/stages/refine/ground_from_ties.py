@@ -1,11 +1,11 @@
 """Estimate the ground below labels from the tie points around them.
 
-A label in only one photo is placed where its ray meets the ground; on a plane, the height error is
-as large as the ground is uneven, and at 45 degrees so is the horizontal error. Ties around it show
-the height of the ground, and its unevenness. The ties themselves show the error of such
-predictions: each is predicted from those around it (simple kriging about the plane, by the
-correlation of heights under which such predictions are likeliest; Cressie 1993, "Statistics for
-spatial data", 3.2).
+A label in only one photo is placed where its ray meets the ground. If the ground is a plane, the
+error of its height is as large as the unevenness of the ground, and at 45 degrees so is the
+horizontal error. Tie points around the label show the height of the ground there. The error of such
+a prediction is estimated from the tie points: each is predicted from those around it (simple
+kriging about the plane, by the correlation of heights under which such predictions are likeliest;
+Cressie 1993, "Statistics for spatial data", 3.2).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from uavgram.estimation.survey.observations.lengths import TapedLengths, select_
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.survey import Survey
 from uavgram.stages.remedies import make_height_remedy
 
@@ -34,13 +34,13 @@ def predict_readings(survey: Survey, refined: Refined, line: Ints) -> tuple[Floa
     line
         (n,) rows of known lengths.
     """
-    there, taped = _taped_lines(survey, refined, line)
+    there, taped = _mark_taped_lines(survey, refined, line)
     found = np.full((2, len(line)), np.nan)
     found[:, there] = refined.adjustment.readings(taped)
     return found[0], found[1]
 
 
-def _taped_lines(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, TapedLengths]:
+def _mark_taped_lines(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, TapedLengths]:
     """Mark lines (n,) with both ends in an adjustment, and return how these were taped."""
     at = refined.adjustment.label_rows(survey.label)
     there = (at[survey.line_start[line]] >= 0) & (at[survey.line_end[line]] >= 0)
@@ -54,8 +54,8 @@ def add_records(survey: Survey, refined: Refined) -> Refined:
     factor = refined.adjustment.minimum.factor
     records: list[Removal] = []
     kinds: tuple[tuple[Literal["line", "known"], str, dict[int, LeftOutRows | None]], ...] = (
-        ("line", "lengths", _left_out_lengths(survey, refined)),
-        ("known", "known", _left_out_known(survey, refined)),
+        ("line", "lengths", _compare_left_out_lengths(survey, refined)),
+        ("known", "known", _compare_left_out_things(survey, refined)),
     )
     for kind, group, left_out in kinds:
         for index, rows in left_out.items():
@@ -72,10 +72,10 @@ def add_records(survey: Survey, refined: Refined) -> Refined:
     return replace(refined, removals=(*records, *refined.removals))
 
 
-def _left_out_lengths(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
+def _compare_left_out_lengths(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
     """Compare each left-out length with the adjustment, by its row."""
     line = np.flatnonzero(refined.line_removed)
-    there, taped = _taped_lines(survey, refined, line)
+    there, taped = _mark_taped_lines(survey, refined, line)
     adjustment = refined.adjustment
     reading, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
     error, sigma = reading - survey.length_m[line[there]], survey.length_sigma_m[line[there]]
@@ -86,7 +86,7 @@ def _left_out_lengths(survey: Survey, refined: Refined) -> dict[int, LeftOutRows
     return found
 
 
-def _left_out_known(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
+def _compare_left_out_things(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
     """Compare each left-out known thing with the adjustment, by its number."""
     adjustment = refined.adjustment
     found: dict[int, LeftOutRows | None] = {}
@@ -95,7 +95,7 @@ def _left_out_known(survey: Survey, refined: Refined) -> dict[int, LeftOutRows |
             continue
         label = np.full(len(survey.label), -1)
         label[list(thing.label)] = adjustment.label_rows(survey.label[k] for k in thing.label)
-        if (seen := thing.relabelled(label)) is not None:
+        if (seen := thing.relabel(label)) is not None:
             rows = compute_known_rows(adjustment.problem, adjustment.state, [seen])
             found[thing.index] = LeftOutRows(rows.value, rows.sigma, rows.gradient, rows.columns)
     return found
@@ -115,7 +115,7 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
     """
     if not len(control):
         return
-    found, covariance = _adjusted_control(survey, refined, control)
+    found, covariance = _find_adjusted_control(survey, refined, control)
     for k, i in enumerate(control.tolist()):
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
@@ -194,7 +194,7 @@ def report_poses_left_out(refined: Refined) -> Iterator[Message]:
         own = residual[row[frame]]
         apart_m = float(np.linalg.norm(own[:3]))
         turn_deg = float(np.degrees(np.linalg.norm(own[3:])))
-        how = f"{figures(apart_m)} m away, turned by {figures(turn_deg)}°"
+        how = f"{format_digits(apart_m)} m away, turned by {format_digits(turn_deg)}°"
         yield Message(
             "warning",
             "telemetry-strained",
@@ -212,7 +212,9 @@ def report_poses_left_out(refined: Refined) -> Iterator[Message]:
         )
 
 
-def _adjusted_control(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
+def _find_adjusted_control(
+    survey: Survey, refined: Refined, control: Ints
+) -> tuple[Floats, Floats]:
     """Return the adjusted places (n, 3) of control points, and their covariance (n, 3, 3).
 
     NaN where an adjustment does not have the point.

@@ -124,25 +124,25 @@ class Participants:
     known_removed: frozenset[int] = frozenset()
     pose_widened: Mapping[str, float] = field(default_factory=dict)
 
-    def without_picks(self, reason: Mapping[int, LeftOut]) -> Participants:
+    def leave_out_picks(self, reason: Mapping[int, LeftOut]) -> Participants:
         """Leave out some picks."""
         keep = self.keep.copy()
         keep[list(reason)] = False
         return replace(self, keep=keep, reason={**self.reason, **reason})
 
-    def without_frame(self, frame: int, why: LeftOut) -> Participants:
+    def leave_out_frame(self, frame: int, why: LeftOut) -> Participants:
         """Leave out the picks of a frame."""
         picks = np.flatnonzero(self.keep & (self.survey.pick_frame == frame))
-        return self.without_picks(dict.fromkeys(picks.tolist(), why))
+        return self.leave_out_picks(dict.fromkeys(picks.tolist(), why))
 
-    def without_frames(self, names: Sequence[str], why: LeftOut) -> Participants:
+    def leave_out_frames(self, names: Sequence[str], why: LeftOut) -> Participants:
         """Leave out the picks of some frames, by name."""
         taking = self
         for name in names:
-            taking = taking.without_frame(self.survey.frame_id.index(name), why)
+            taking = taking.leave_out_frame(self.survey.frame_id.index(name), why)
         return taking
 
-    def without_lines(self, lines: Sequence[int]) -> Participants:
+    def leave_out_lines(self, lines: Sequence[int]) -> Participants:
         """Leave out some known lengths."""
         removed = self.line_removed.copy()
         removed[list(lines)] = True
@@ -333,7 +333,7 @@ def find_minima_from(
                 if not why.dependent_picks.all():
                     undetermined |= frozenset(selection.pick_index[why.dependent_picks].tolist())
         left = selection.pick_index[list(out)].tolist()
-        taking = taking.without_picks(dict(zip(left, out.values(), strict=True)))
+        taking = taking.leave_out_picks(dict(zip(left, out.values(), strict=True)))
     return Refined(
         adjustment=adjustment,
         pick_index=selection.pick_index,

@@ -27,7 +27,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.geometry.ground.plane import choose_knots
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.result.reliability import (
     AreaNoise,
     EstimatedSigma,
@@ -161,7 +161,7 @@ def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     stated = refined.adjustment
     few, fits = find_noise_outliers(stated)
     models = [
-        _stated_model(stated, compute_redundancy(stated, "pixels")),
+        _make_stated_model(stated, compute_redundancy(stated, "pixels")),
         *_other_models(stated, fits=fits),
     ]
     simple = len(models) == 1 and len(models[0].components) == 1 and not few
@@ -194,7 +194,7 @@ def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     )
 
 
-def _stated_model(stated: Adjustment, redundancy: float) -> _Model:
+def _make_stated_model(stated: Adjustment, redundancy: float) -> _Model:
     """Return the model that learns only the noise of the picks, and a stated roughness."""
     return _components(None, stated.problem, stated, 1.0 if redundancy < LOW_WEIGHT_FACTOR else 0.0)
 
@@ -209,24 +209,24 @@ def _other_models(stated: Adjustment, *, fits: bool) -> list[_Model]:
     if not fits or (uneven and stated.survey.matches.points):
         return _models_of_every_shape(stated)
     # Free points fit on any ground, and so hide misfits; their heights count from the ground.
-    return [_model_of_own_departures(stated)] if stated.survey.is_free.any() else []
+    return [_make_departure_model(stated)] if stated.survey.is_free.any() else []
 
 
 def _models_of_every_shape(stated: Adjustment) -> list[_Model]:
     """Return every other shape of the ground: each point's own departure, and smooth ones."""
     survey, point = stated.survey, stated.state.point[:, :2]
     own = [point[survey.area == area] for area in range(len(survey.grounds))]
-    models = [_model_of_own_departures(stated)]
+    models = [_make_departure_model(stated)]
     if any(len(each) >= MIN_POINTS for each in own):
         models.append(_model("quadratic", stated, [_quadratic_relief(each) for each in own]))
         models += [
-            _model("correlated", stated, [_correlated_relief(one, share) for one in own])
+            _model("correlated", stated, [_make_correlated_relief(one, share) for one in own])
             for share in RANGE_SHARES
         ]
     return models
 
 
-def _model_of_own_departures(stated: Adjustment) -> _Model:
+def _make_departure_model(stated: Adjustment) -> _Model:
     """Return the model with a departure of each point, and without smooth relief."""
     return _model("plane", stated, [None for _ in stated.survey.grounds])
 
@@ -241,7 +241,7 @@ def _quadratic_relief(point_m: Floats) -> Relief | None:
     )
 
 
-def _correlated_relief(point_m: Floats, share: float) -> Relief | None:
+def _make_correlated_relief(point_m: Floats, share: float) -> Relief | None:
     if len(point_m) < MIN_POINTS:
         return None
     reach = share * float(np.ptp(point_m, axis=0).max())
@@ -515,12 +515,14 @@ def report_noise(noise: Noise | None) -> Iterator[Message]:
         yield from _report_ground(area, several=len(noise.roughness) > 1)
     for picks in noise.picks:
         if abs(picks.factor - 1.0) > FACTOR_SIGMAS * picks.sigma:
-            yield from _report_picks(picks, noise.called(picks))
+            yield from _report_picks(picks, noise.describe_picks(picks))
     lengths = noise.lengths
     if lengths is not None and lengths.factor > max(WORSE_FACTOR, 1.0 + lengths.sigma):
         text = (
-            f"The taped lengths fit less well than stated: {figures(lengths.stated_m)} m stated, "
-            f"{figures(lengths.stated_m * lengths.factor)} m found. All uncertainties are wider "
+            f"The taped lengths fit less well than stated: {format_digits(lengths.stated_m)} m "
+            f"stated, "
+            f"{format_digits(lengths.stated_m * lengths.factor)} m found. All uncertainties are "
+            f"wider "
             "for "
             "that. State in sigma_m how finely the tape was read."
         )
@@ -556,15 +558,16 @@ def _report_ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
 
 
 def _length_text(size_m: float) -> str:
-    return f"{figures(100 * size_m)} cm" if size_m < 1.0 else f"{figures(size_m)} m"
+    return f"{format_digits(100 * size_m)} cm" if size_m < 1.0 else f"{format_digits(size_m)} m"
 
 
 def _report_picks(picks: PickNoise, what: str) -> Iterator[Message]:
     """Report picks with other errors than stated; not matches that are merely more exact."""
     by_likeness = picks.source in ("match", "tie")
-    stated = f"{figures(picks.stated_px)} px stated"
+    stated = f"{format_digits(picks.stated_px)} px stated"
     found = (
-        f"{figures(picks.stated_px * picks.factor)} ± {figures(picks.stated_px * picks.sigma, 1)} "
+        f"{format_digits(picks.stated_px * picks.factor)} ± "
+        f"{format_digits(picks.stated_px * picks.sigma, 1)} "
         "px found"
     )
     if picks.factor > WORSE_FACTOR:

@@ -1,13 +1,15 @@
 """Detect labels off the ground, and the roughness of the ground, from matches and ties.
 
-A chain of matches determines its point in space to a centimetre, and so do ties. On a plane a roof
-would distort all connected observations, and so would a kerb. So before matches are used as points
-of the ground, those off the ground are detected, and the ground gets the roughness that the others
-show. Ties alone show that roughness as well: otherwise photos that are held by them would be bent
-until labels on uneven ground, and the lengths between them, are in a plane.
+Matches and ties in several photos determine a point in space to about a centimetre. If a point of a
+roof or a kerb were taken for a point of the ground plane, it would distort all observations that
+are connected with it. Therefore, before matches are used as points of the ground:
 
-One photo does not determine a height. Where several of the points in two photos were found off the
-ground, the others may be off it as well, with the same frequency and size.
+* labels off the ground are detected;
+* the roughness of the ground is estimated from the other matches, or from ties alone. Without it,
+  the photos would be bent until labels on uneven ground are in a plane.
+
+One photo does not determine a height. If several points in two or more photos are off the ground,
+points in one photo only may be off it with the same frequency and by as much.
 """
 
 from __future__ import annotations

@@ -164,13 +164,13 @@ def _remove_blunders(
         if len(refined.removals) >= most:
             return refined, [too_many_message(len(refined.removals))]
         try:
-            after = _adjusted_without(survey, refined, choice)
+            after = _readjust_without(survey, refined, choice)
         except GeometryError as why:  # not determined without it: keep it
             return refined, [indispensable_message(refined, choice, why)]
         refined = replace(after, removals=(*refined.removals, choice))
 
 
-def _adjusted_without(survey: Survey, refined: Refined, choice: Removal) -> Refined:
+def _readjust_without(survey: Survey, refined: Refined, choice: Removal) -> Refined:
     """Readjust without one more observation; those left out before stay out."""
     taking = find_participants(survey, refined)
     pick, line, known = (

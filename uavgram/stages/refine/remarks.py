@@ -29,7 +29,7 @@ from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
-from uavgram.model.naming import FOOT_M, figures, listed
+from uavgram.model.naming import FOOT_M, format_digits, join_names
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.remedies import report_not_located, report_one_of
 
@@ -113,7 +113,7 @@ def _list_ratios(survey: Survey, ratio: Floats) -> str:
     label = survey.label
     values = [
         f"{label[survey.line_start[i]]!r} to {label[survey.line_end[i]]!r} "
-        f"{figures(np.exp(ratio[i]), 3)}"
+        f"{format_digits(np.exp(ratio[i]), 3)}"
         for i in _odd_first(ratio)
     ]
     return (
@@ -132,13 +132,18 @@ def _report_odd_height(adjustment: Adjustment) -> Iterator[Message]:
             and not USUAL_MIN_HEIGHT_M <= height <= USUAL_MAX_HEIGHT_M
         ):
             text = (
-                f"By the lengths, the cameras were {figures(height)} m above the ground (median). "
+                f"By the lengths, the cameras were {format_digits(height)} m above the ground "
+                f"(median). "
                 "If "
                 "they were not, look in which unit the lengths are: they must be in metres."
             )
             yield Message("info", "unusual-height", text)
         return
-    size = f"{figures(height / 1000, 3)} km" if height > MAX_HEIGHT_M else f"{figures(height)} m"
+    size = (
+        f"{format_digits(height / 1000, 3)} km"
+        if height > MAX_HEIGHT_M
+        else f"{format_digits(height)} m"
+    )
     where = f"The cameras come out {size} above the ground (median)"
     units = [
         unit
@@ -147,8 +152,9 @@ def _report_odd_height(adjustment: Adjustment) -> Iterator[Message]:
     ]
     if len(adjustment.problem.line_index) and units:
         text = (
-            f"{where}, as with lengths in {listed(units, link='or')}: in metres that would be "
-            f"{figures(height * UNITS_M[units[0]])} m. Write the lengths in metres; else look at "
+            f"{where}, as with lengths in {join_names(units, link='or')}: in metres that would be "
+            f"{format_digits(height * UNITS_M[units[0]])} m. Write the lengths in metres; else "
+            f"look at "
             "the heights of log, ground and control points."
         )
     else:
@@ -217,11 +223,11 @@ def _one_of(survey: Survey, refined: Refined, pick: int) -> Message:
     lengths = sorted(refined.rival_lines)
     suspects = [left, *(f"the click on {one!r}" for one in clicks)]
     suspects += [f"the length {one!r}" for one in lengths]
-    tape = f", and tape {listed(map(repr, lengths))} again" if lengths else ""
+    tape = f", and tape {join_names(map(repr, lengths))} again" if lengths else ""
     return report_one_of(
         suspects,
         [left],
-        f"Click on {listed(map(repr, [label, *clicks]))} again, or in another photo{tape}",
+        f"Click on {join_names(map(repr, [label, *clicks]))} again, or in another photo{tape}",
         frames=[frame],
         labels=[label, *clicks],
         lengths=lengths,
@@ -335,7 +341,8 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
 def _difference_text(changes: Sequence[DistanceChanges]) -> str:
     """Describe by how much alternatives change the distances between the points."""
     one_each = "; ".join(
-        f"{figures(100 * one.median)} % at the median and up to {figures(100 * one.largest)} %"
+        f"{format_digits(100 * one.median)} % at the median and up to "
+        f"{format_digits(100 * one.largest)} %"
         for one in changes
     )
     return f"distances between the points change by {one_each}"
@@ -359,7 +366,7 @@ def _report_weak_lengths(refined: Refined) -> Iterator[Message]:
     best, labels = _suggest_length(refined)
     text = (
         f"The known {known} are weak as a set: {what}. Distances between the points are known to "
-        f"{figures(100 * advice.relative_sigma)} %. Tape another line{best}."
+        f"{format_digits(100 * advice.relative_sigma)} %. Tape another line{best}."
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK_SIGMA else "info"
     yield Message(level, "weak-lengths", text, labels=labels)
@@ -374,8 +381,8 @@ def _suggest_length(refined: Refined) -> tuple[str, tuple[str, ...]]:
     start, end = label[advice.start], label[advice.end]
     text = (
         f"; best from {start!r} to {end!r}, about {advice.length_m:.1f} m long: it would bring the "
-        f"sigma of distances from {figures(100 * advice.relative_sigma)} % to "
-        f"{figures(100 * advice.relative_sigma_after)} %"
+        f"sigma of distances from {format_digits(100 * advice.relative_sigma)} % to "
+        f"{format_digits(100 * advice.relative_sigma_after)} %"
     )
     return text, (start, end)
 
@@ -493,7 +500,7 @@ def _report_shutter(adjustment: Adjustment, sure: float) -> Iterator[Message]:
         yield Message("info", "shutter-found", SHUTTER_FOUND)
         return
     found_s = float(adjustment.state.readout[0])
-    sigma_s = float(np.sqrt(adjustment.shared(layout.first_readout, 1)[0, 0]))
+    sigma_s = float(np.sqrt(adjustment.shared_covariance(layout.first_readout, 1)[0, 0]))
     if abs(found_s) > sure * sigma_s:
         text = (
             f"The camera reads its rows one after the other, in {1e3 * abs(found_s):.0f} ± "
@@ -515,13 +522,14 @@ def _report_slopes(adjustment: Adjustment, sure: float) -> Iterator[Message]:
         first = layout.first_plane + PLANE_SIZE * (area - fixed) + 1
         size = float(np.linalg.norm(slope))
         toward = slope / size if size else slope
-        sigma = float(np.sqrt(toward @ adjustment.shared(first, 2) @ toward))
+        sigma = float(np.sqrt(toward @ adjustment.shared_covariance(first, 2) @ toward))
         angle, error = np.degrees([np.arctan(size), sigma / (1.0 + size**2)])
         usual = np.degrees(REPORTED_SIGMAS * survey.grounds[area].slope_sigma_rad)
         if angle > min(LEVEL_DEG, usual) and angle > sure * error:
             name = survey.grounds[area].name
             where = f"The ground of area {name!r}" if len(plane) > 1 else "The ground"
             text = (
-                f"{where} slopes by {angle:.1f} ± {figures(error, 1)} degrees: taken into account."
+                f"{where} slopes by {angle:.1f} ± {format_digits(error, 1)} degrees: taken into "
+                f"account."
             )
             yield Message("info", "ground-slopes", text)

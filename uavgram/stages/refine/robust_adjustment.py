@@ -9,8 +9,8 @@ and Carlone 2020, "Graduated non-convexity for robust spatial perception"):
 3. In the end each observation takes part with full weight or not at all (`decide`).
 
 The misfit of an observation is its difference from the prediction by all *other* observations
-(Baarda's w, generalised to observations of any weight; `squared_misfits`). Hence a reading that
-distorts its neighbours is found, and not the neighbours.
+(Baarda's w, generalised to observations of any weight; `compute_squared_misfits`). Hence a reading
+that distorts its neighbours is found, and not the neighbours.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ roughness of a point its being on the ground."""
 SCHEDULE = (100.0, 30.0, 10.0, 3.0, 1.0, 1.0, 1.0)
 """Factors of the sigmas of the successive adjustments."""
 
-CAUCHY = 3.0
+CAUCHY_SIGMAS = 3.0
 """Standardised misfit at which an observation has half its weight."""
 
 LEAST_REDUNDANCY = 0.01
 """Redundancy number below which an observation is unchecked, and its misfit without meaning."""
 
-ENOUGH = 8
+MIN_CHECKED_COUNT = 8
 """Least number of checked observations of a kind whose median shows their noise."""
 
-NOISIEST = 5.0
+MAX_NOISE_FACTOR = 5.0
 """Largest factor by which sigmas of lengths, known things, control and the ground may be too small.
 A larger one means that none of them is right, as where all are in another unit."""
 
@@ -73,16 +73,16 @@ residuals, with one degree of freedom, below which they do."""
 MOST_ROUNDS = 6
 """Largest number of rounds in which observations leave and return."""
 
-NEARLY_NONE = 1e-8
+ZERO_WEIGHT = 1e-8
 """Weight of an observation that takes no part."""
 
-EACH, AT_REST = 15, 1e-4
+ITERATIONS_EACH, MIN_REDUCTION = 15, 1e-4
 """Iterations of each adjustment, and the predicted decrease of the cost below which they end."""
 
-HALF = 0.5
+MIN_GROUND_WEIGHT = 0.5
 """Least weight at which a point counts as one of the ground."""
 
-ALL = np.ones(1)
+FULL_WEIGHT = np.ones(1)
 """Weight of every observation of a group without weights of its own."""
 
 
@@ -135,17 +135,17 @@ def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> A
         An unknown is not determined.
     """
     groups = (*READINGS, "roughness") if on_ground else READINGS
-    minimum = weighted_minimum(problem, state, {}, dict.fromkeys(groups, SCHEDULE[0]))
+    minimum = minimise_weighted_cost(problem, state, {}, dict.fromkeys(groups, SCHEDULE[0]))
     weight: dict[str, Floats] = {}
     for softness in SCHEDULE[1:]:
-        squares = squared_misfits(problem, minimum, weight)
-        noise = _noise(squares, weight) if softness == 1.0 else dict.fromkeys(squares, 1.0)
+        squares = compute_squared_misfits(problem, minimum, weight)
+        noise = _estimate_noise(squares, weight) if softness == 1.0 else dict.fromkeys(squares, 1.0)
         weight = {
-            name: 1.0 / (1.0 + square / (CAUCHY * noise[name]) ** 2)
+            name: 1.0 / (1.0 + square / (CAUCHY_SIGMAS * noise[name]) ** 2)
             for name, square in squares.items()
         }
         soft = dict.fromkeys(groups, softness)
-        minimum = weighted_minimum(problem, minimum.state, weight, soft)
+        minimum = minimise_weighted_cost(problem, minimum.state, weight, soft)
     return decide(problem, minimum, weight)
 
 
@@ -171,15 +171,15 @@ def decide(
     misfit: dict[str, Floats] = {}
     on_ground = np.zeros(len(problem.third.rough), dtype=np.bool_)
     for k in range(MOST_ROUNDS):
-        misfit = _misfits(problem, minimum, weight)
+        misfit = _compute_misfits(problem, minimum, weight)
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
         if k == 0:
-            frames = _frames_of_other_places(problem, gross["pixels"])
+            frames = _find_frames_of_other_places(problem, gross["pixels"])
         elif "tape" in gross:  # no single length explains a wrong scale
             gross["lengths"] |= gross["tape"][_tapes(problem)]
         # Points with gross roughness leave the ground, unless the resulting height is implausible.
         if "roughness" in gross:
-            unlikely = _unlikely_heights(problem, minimum, out) & ~on_ground
+            unlikely = _find_unlikely_heights(problem, minimum, out) & ~on_ground
             on_ground |= unlikely
             gross["pixels"] |= np.isin(problem.survey.pick_label, problem.third.rough[unlikely])
             _try_heights(problem, gross, out.get("roughness"), on_ground)
@@ -191,22 +191,24 @@ def decide(
         if out and all(np.array_equal(is_out, out[name]) for name, is_out in gross.items()):
             break
         out = gross
-        weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
-        minimum = weighted_minimum(problem, minimum.state, weight)
-    out, minimum, misfit = _with_returned(problem, minimum, out, misfit)
-    weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
-    frames = frames or _frames_of_other_places(problem, out["pixels"])
-    frames = frames or _turned_frames(problem, minimum, out)
+        weight = {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in out.items()}
+        minimum = minimise_weighted_cost(problem, minimum.state, weight)
+    out, minimum, misfit = _restore_observations(problem, minimum, out, misfit)
+    weight = {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in out.items()}
+    frames = frames or _find_frames_of_other_places(problem, out["pixels"])
+    frames = frames or _find_turned_frames(problem, minimum, out)
     # Make the misfits consistent with the decisions.
     beyond = np.nextafter(GROSS_SIGMAS, np.inf)
     misfit = {
         name: np.where(out[name], np.maximum(value, beyond), np.minimum(value, GROSS_SIGMAS))
         for name, value in misfit.items()
     }
-    return Annealed(problem, minimum, frames, weight, misfit, bounded_cost(problem, minimum, out))
+    return Annealed(
+        problem, minimum, frames, weight, misfit, compute_bounded_cost(problem, minimum, out)
+    )
 
 
-def bounded_cost(
+def compute_bounded_cost(
     problem: SurveyProblem, minimum: Minimum[State], out: Mapping[str, Bools]
 ) -> float:
     """Sum the squares of an adjustment, in which no observation counts more than a gross error.
@@ -220,10 +222,10 @@ def bounded_cost(
         otherwise it would cost nothing to leave out observations that agree.
     """
     blocks = problem.evaluate(minimum.state) or {}
-    return sum(_bounded_cost(name, block, out.get(name)) for name, block in blocks.items())
+    return sum(_compute_group_cost(name, block, out.get(name)) for name, block in blocks.items())
 
 
-def _with_returned(
+def _restore_observations(
     problem: SurveyProblem,
     minimum: Minimum[State],
     out: dict[str, Bools],
@@ -254,15 +256,15 @@ def _with_returned(
         fewer = {name: is_out.copy() for name, is_out in out.items()}
         for _, name, row in sorted(back)[:number]:
             fewer[name][row] = False
-        weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in fewer.items()}
-        found = weighted_minimum(problem, minimum.state, weight)
-        size = _misfits(problem, found, weight)
+        weight = {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in fewer.items()}
+        found = minimise_weighted_cost(problem, minimum.state, weight)
+        size = _compute_misfits(problem, found, weight)
         if not any((size[name][~is_out] > GROSS_SIGMAS).any() for name, is_out in fewer.items()):
             return fewer, found, size
     return out, minimum, misfit
 
 
-def weighted_minimum(
+def minimise_weighted_cost(
     problem: SurveyProblem,
     state: State,
     weight: Mapping[str, Floats],
@@ -285,7 +287,7 @@ def weighted_minimum(
         if blocks is None:
             return None
         return {
-            name: _scaled(block, np.sqrt(weight.get(name, ALL)) / soft.get(name, 1.0))
+            name: _scale_rows(block, np.sqrt(weight.get(name, FULL_WEIGHT)) / soft.get(name, 1.0))
             for name, block in blocks.items()
         }
 
@@ -296,13 +298,13 @@ def weighted_minimum(
         lambda now, step: advance_state(layout, now, step),
         layout.size,
         layout.structure,
-        EACH,
-        at_rest=AT_REST,
+        ITERATIONS_EACH,
+        at_rest=MIN_REDUCTION,
         slack=DAMPING,
     )
 
 
-def squared_misfits(
+def compute_squared_misfits(
     problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
 ) -> dict[str, Floats]:
     """Compute squared standardised misfits (n,) of all observations, by group.
@@ -348,16 +350,18 @@ def squared_misfits(
     return found
 
 
-def _misfits(
+def _compute_misfits(
     problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
 ) -> dict[str, Floats]:
     """Compute standardised misfits (n,) of all observations, in units of their kind's noise."""
-    squares = squared_misfits(problem, minimum, weight)
-    noise = _noise(squares, weight)
+    squares = compute_squared_misfits(problem, minimum, weight)
+    noise = _estimate_noise(squares, weight)
     return {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
 
 
-def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[str, float]:
+def _estimate_noise(
+    squares: Mapping[str, Floats], weight: Mapping[str, Floats]
+) -> dict[str, float]:
     """Estimate the factor by which the sigmas of each kind are too small, at least one.
 
     The factor follows from the median of the squares over that of chi-square, and is large enough
@@ -369,11 +373,11 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
         is_ground = name == "roughness"
         counts = square > 0
         if is_ground and name in weight:
-            counts &= weight[name] > HALF
+            counts &= weight[name] > MIN_GROUND_WEIGHT
         checked = np.sort(square[counts])[::-1]
         large = 1.0
         # Robust variance factor: median of the squares over that of chi-square.
-        if len(checked) >= ENOUGH:
+        if len(checked) >= MIN_CHECKED_COUNT:
             usual = float(chdtri(_axes(name), 0.5))
             large = max(large, float(np.sqrt(np.median(checked) / usual)))
         # Large enough that no more than the allowed share is gross.
@@ -381,7 +385,7 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
         if len(checked) > most and not is_ground:
             large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
         is_stated = name in ("lengths", "known", "control", "roughness", "telemetry")
-        factor[name] = min(large, NOISIEST) if is_stated else large
+        factor[name] = min(large, MAX_NOISE_FACTOR) if is_stated else large
     return factor
 
 
@@ -390,7 +394,7 @@ def _axes(name: str) -> int:
     return {"pixels": 2, "matches": 2, "ties": 2, "control": 3, "telemetry": 6}.get(name, 1)
 
 
-def _unlikely_heights(
+def _find_unlikely_heights(
     problem: SurveyProblem, minimum: Minimum[State], out: Mapping[str, Bools]
 ) -> Bools:
     """Find points of rough ground that only two picks put far below it, or high above it.
@@ -438,7 +442,7 @@ def _try_heights(
     gross["pixels"] &= ~np.isin(survey.pick_label, rough[is_new])
 
 
-def _frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, ...]:
+def _find_frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, ...]:
     """Find frames most of whose picks are gross errors (P,)."""
     survey = problem.survey
     frames = len(survey.frame_id)
@@ -447,7 +451,7 @@ def _frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, 
     return _names_of_few(problem, (wrong > MOST_OF_A_FRAME * number) & (wrong > 2))
 
 
-def _turned_frames(
+def _find_turned_frames(
     problem: SurveyProblem, minimum: Minimum[State], gross: Mapping[str, Bools]
 ) -> tuple[str, ...]:
     """Find frames whose attitude contradicts the log.
@@ -480,7 +484,7 @@ def _tapes(problem: SurveyProblem) -> Ints:
     )
 
 
-def _bounded_cost(name: str, block: Block, out: Bools | None) -> float:
+def _compute_group_cost(name: str, block: Block, out: Bools | None) -> float:
     """Sum the squares of a group, each robust observation bounded by a gross error."""
     square = np.sum(block.residual**2, axis=1)
     if name not in ROBUST:
@@ -490,7 +494,7 @@ def _bounded_cost(name: str, block: Block, out: Bools | None) -> float:
     return float((counted if out is None else np.where(out, most, counted)).sum())
 
 
-def _scaled(block: Block, by: Floats) -> Block:
+def _scale_rows(block: Block, by: Floats) -> Block:
     """Multiply rows by factors, (n,) or (1,) for all."""
     if (by == 1.0).all():
         return block

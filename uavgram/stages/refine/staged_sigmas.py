@@ -84,14 +84,14 @@ def approach_minimum(survey: Survey, state: State, pivot: Floats, line_used: Boo
     SingularError
         No observation depends on an unknown.
     """
-    for soft in _with_larger_sigmas(survey):
+    for soft in _enlarge_sigmas(survey):
         state = iterate(
             SurveyProblem(soft, pivot, line_used), state, ITERATIONS_EACH, DAMPING
         ).state
     return state
 
 
-def _with_larger_sigmas(survey: Survey) -> Iterator[Survey]:
+def _enlarge_sigmas(survey: Survey) -> Iterator[Survey]:
     """Yield the survey with larger sigmas, largest first; nothing where it needs none."""
     if survey.telemetry is None and is_poorly_known(survey.calibration):
         for softer in SIGMA_FACTORS:

@@ -99,7 +99,7 @@ def remove_wrong_ties(survey: Survey, *, learn: bool = True) -> CheckedTies:
     try:
         every = np.zeros(len(survey.line_start), dtype=np.bool_)
         keep, _ = find_picks_in_lens(survey)
-        begun = Participants(_with_larger_sigmas(survey), keep, every, {})
+        begun = Participants(_enlarge_stated_sigmas(survey), keep, every, {})
         adjustment = find_best_minima(begun).adjustment
         # Keep the rolling shutter only if ties fit much better with it.
         if is_shutter_unknown(survey):
@@ -134,7 +134,7 @@ def remove_wrong_ties(survey: Survey, *, learn: bool = True) -> CheckedTies:
     return CheckedTies(sound, shown, noise, matches, ties_)
 
 
-def _with_larger_sigmas(survey: Survey) -> Survey:
+def _enlarge_stated_sigmas(survey: Survey) -> Survey:
     """Give observations by people little weight, and treat chains of matches as ties."""
     matches, ties = survey.matches, survey.ties
     joined = Sightings(
@@ -199,7 +199,7 @@ def _find_wrong(adjustment: Adjustment) -> Bools:
 def _readjust_without(adjustment: Adjustment, out: Bools) -> Adjustment:
     """Readjust from the current estimate without some sightings."""
     survey = adjustment.survey
-    ties, points = survey.ties.without(out)
+    ties, points = survey.ties.remove(out)
     less = replace(survey, ties=ties)
     problem = SurveyProblem(less, adjustment.problem.pivot_m, find_used_lines(adjustment))
     size, rates = problem.layout.point_size, problem.layout.frame_size - 6
@@ -248,7 +248,7 @@ def _keep_sound(sightings: Sightings, wrong: frozenset[int], factor: float) -> S
     factor
         Factor of the sigmas.
     """
-    some, _ = sightings.without(np.isin(sightings.row, list(wrong)))
+    some, _ = sightings.remove(np.isin(sightings.row, list(wrong)))
     return replace(some, sigma_px=factor * some.sigma_px)
 
 

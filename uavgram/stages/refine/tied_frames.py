@@ -30,22 +30,22 @@ from uavgram.model.survey import Survey
 def add_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
     """Add first poses of frames joined by tie points; also return left-out ties by row.
 
-    The poses are over the plane of most tie points, in the scale of the known lengths or of the
-    control points; with control points, also in their axes. Frames that have first poses keep them;
-    so does a survey with telemetry. Ties that contradict these poses by far are left out, since
-    iterations would follow them. So are ties of frames that have no pose, and too few labels to be
-    given one.
+    The poses are over the plane of most tie points. Their scale is that of the known lengths or of
+    the control points; with control points, their axes are those of the control points. Frames that
+    already have first poses, or telemetry, keep these. Two sorts of ties are left out: those that
+    contradict the poses by far, since the iterations would follow them; and those of frames without
+    a pose that have too few labels to get one.
     """
     if survey.telemetry is not None or not survey.ties.points + survey.matches.points:
         return survey, frozenset()
-    begun, wrong = _with_poses(survey)
+    begun, wrong = _add_first_poses(survey)
     known = {one.frame_id for one in begun.candidate_poses}
     labels = np.bincount(find_seen_labels(begun)[0], minlength=len(begun.frame_id))
     few = zip(begun.frame_id, labels < MIN_LABELS, strict=True)
     return remove_ties(begun, {name for name, lost in few if lost} - known), wrong
 
 
-def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
+def _add_first_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
     """Add first poses of frames that ties alone place; also return wrong ties by row."""
     rays, row = compute_tied_rays(survey)
     found = estimate_tied_poses(rays)
@@ -67,7 +67,7 @@ def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
     wrong = np.zeros(len(survey.ties.frame), dtype=np.bool_)
     tie = row < len(wrong)
     wrong[row[tie]] = (placed.placed[rays.frame] & ~placed.agrees)[tie]
-    ties, _ = survey.ties.without(wrong)
+    ties, _ = survey.ties.remove(wrong)
     begun = replace(survey, candidate_poses=(*survey.candidate_poses, *more), ties=ties)
     return begun, frozenset(survey.ties.row[wrong].tolist())
 

@@ -18,7 +18,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight_log import FaultKind, FlightEvidence, LogFault
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 
 Faults = Sequence[LogFault]
 _UNKNOWN_RAD = np.pi
@@ -68,8 +68,8 @@ def free_priors(faults: Faults, time_s: Floats, unsure_s: Floats) -> FreedPriors
     jumps, turns = (
         [f for f in faults if f.kind == kind] for kind in ("position-jump", "attitude-jump")
     )
-    position, position_bias = _by_jumps(jumps, time_s, unsure_s)
-    turned, turned_bias = _by_jumps(turns, time_s, unsure_s)
+    position, position_bias = _compute_jump_variances(jumps, time_s, unsure_s)
+    turned, turned_bias = _compute_jump_variances(turns, time_s, unsure_s)
     for fault in faults:
         if fault.is_jump:
             continue
@@ -86,7 +86,9 @@ def find_unsure_s(frames: Frames) -> Floats:
     return np.asarray(3.0 * np.hypot(own_s, frames.clock_offset_sigma_s))
 
 
-def _by_jumps(jumps: Faults, time_s: Floats, unsure_s: Floats) -> tuple[Floats, Floats]:
+def _compute_jump_variances(
+    jumps: Faults, time_s: Floats, unsure_s: Floats
+) -> tuple[Floats, Floats]:
     """Return variances (N, 3) of frames off the most common level, and the largest (3,)."""
     level = np.zeros((len(time_s), 3))
     between = np.zeros((len(time_s), 3))
@@ -134,19 +136,19 @@ def report_faults(faults: Faults, evidence: FlightEvidence, frames: Frames) -> I
     """
     for code in dict.fromkeys(fault.kind for fault in faults):
         alike = [fault for fault in faults if fault.kind == code]
-        freed = _freed(alike, frames)
+        freed = _list_freed_frames(alike, frames)
         for k, fault in enumerate(alike):
             # Photos affected by jumps follow from all jumps together.
             last = k == len(alike) - 1
-            own = freed if fault.is_jump else _freed([fault], frames)
+            own = freed if fault.is_jump else _list_freed_frames([fault], frames)
             effect = _effect(own) if last or not fault.is_jump else ""
             where = _where(fault.start_s, fault.end_s, frames)
             several = MessagePlural(
                 _OPENINGS[code], f"{_size(fault)} {where}", ending=_effect(freed).strip()
             )
-            text = f"{_what(fault)} {where}.{_why(fault)}{effect}"
+            text = f"{_describe_fault(fault)} {where}.{_describe_resets(fault)}{effect}"
             yield Message("warning", f"log-{code}", text, frames=own, several=several)
-    yield from _untraced(faults, evidence, frames)
+    yield from _report_untraced_resets(faults, evidence, frames)
 
 
 _OPENINGS: dict[FaultKind, str] = {
@@ -162,7 +164,7 @@ _OPENINGS: dict[FaultKind, str] = {
 """Opening of the message on several faults of a kind."""
 
 
-def _what(fault: LogFault) -> str:
+def _describe_fault(fault: LogFault) -> str:
     """Describe the fault, as the beginning of a sentence."""
     size = _size(fault)
     return {
@@ -219,12 +221,12 @@ def _clock(time_s: float) -> str:
     return f"{datetime.fromtimestamp(time_s, UTC):%H:%M:%S}"
 
 
-def _why(fault: LogFault) -> str:
+def _describe_resets(fault: LogFault) -> str:
     noted = " and ".join(fault.resets)
     return f" The autopilot itself noted then: {noted}." if noted else ""
 
 
-def _freed(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
+def _list_freed_frames(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
     matched = np.flatnonzero(frames.matched)
     freed = free_priors(faults, frames.time_utc_s[matched], find_unsure_s(frames)).frames
     return tuple(frames.frame_id[k] for k in matched[freed])
@@ -235,12 +237,14 @@ def _effect(names: tuple[str, ...]) -> str:
     if not names:
         return " No photo depends on that, so nothing was changed."
     return (
-        f" So the log's sigmas are larger in {len(names)} of the photos ({listed(names)}), "
+        f" So the log's sigmas are larger in {len(names)} of the photos ({join_names(names)}), "
         f"and their picks place them. {_LOOK}"
     )
 
 
-def _untraced(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
+def _report_untraced_resets(
+    faults: Faults, evidence: FlightEvidence, frames: Frames
+) -> Iterator[Message]:
     times = frames.time_utc_s[frames.matched]
     traced = {what for fault in faults for what in fault.resets}
     untraced: dict[str, float] = {}

@@ -21,7 +21,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message
-from uavgram.model.naming import counted
+from uavgram.model.naming import format_count
 from uavgram.model.survey import Survey
 
 MAX_MISFIT_SIGMAS = 4.0
@@ -142,7 +142,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
         by_ties = measure_turns(tied, survey.seeds.world_from_camera)
         turn = np.where(free & np.isfinite(by_ties), by_ties, turn)
     doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTION_SIGMAS * sigma)
-    survey_turned = _turned(survey, track, turn, doubted)
+    survey_turned = _rotate_headings(survey, track, turn, doubted)
     messages = tuple(_messages(survey, turn, doubted))
     if tied is None:
         return survey_turned, messages
@@ -199,7 +199,7 @@ def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> PlanPoints:
     )
 
 
-def _turned(survey: Survey, track: PhotoExposures, turn: Floats, doubted: Bools) -> Survey:
+def _rotate_headings(survey: Survey, track: PhotoExposures, turn: Floats, doubted: Bools) -> Survey:
     """Rotate seeds and exposures about up; a contradicted heading gets the sigma of an unknown one.
 
     The sigmas of a photo's attitude are those of its tilt and its yaw, and all horizontal axes of
@@ -241,7 +241,8 @@ def _messages(survey: Survey, turn: Floats, doubted: Bools) -> Iterator[Message]
         return
     text = (
         "The picks contradict the heading of the drone in the tags of "
-        f"{counted(len(names), 'photo')}: {', '.join(names)}. Their heading was taken as unknown "
+        f"{format_count(len(names), 'photo')}: {', '.join(names)}. Their heading was taken as "
+        f"unknown "
         "and found from the picks."
     )
     frames = tuple(survey.frame_id[k] for k in np.flatnonzero(doubted))

@@ -49,10 +49,10 @@ def is_frozen(change: Floats, stated: Floats, least: Floats) -> Bools:
     """
     moves = np.linalg.norm(np.nan_to_num(stated), axis=1)
     nearly = np.linalg.norm(change, axis=1) < _NEARLY * moves
-    return np.asarray((change == 0).all(axis=1) | _closed(nearly & (moves > least)))
+    return np.asarray((change == 0).all(axis=1) | _close_gaps(nearly & (moves > least)))
 
 
-def _closed(still: Bools) -> Bools:
+def _close_gaps(still: Bools) -> Bools:
     """Close gaps of one or two noisy steps in a standstill: dilate, then erode by three steps."""
     wide = still.copy()
     wide[1:] |= still[:-1]
@@ -227,7 +227,7 @@ def find_faults(track: Track, evidence: FlightEvidence, exposure_s: Floats) -> t
     found += _gaps(track, exposure_s)
     if not jumps and not frozen:
         found += _receiver_apart(track, evidence, first, last)
-    reasons = [_explained(fault, evidence) for fault in found]
+    reasons = [_add_resets(fault, evidence) for fault in found]
     return tuple(sorted(reasons, key=lambda fault: fault.start_s))
 
 
@@ -251,7 +251,7 @@ def _places(
         if np.hypot(*flown[:2]) > max(1.0, _sigma(track, time[start])[0]):
             keep[start + 1 : end + 1] = False
             if time[end] >= first and time[start] <= last:
-                frozen.append(_fault("position-frozen", time[start], time[end], flown))
+                frozen.append(_make_fault("position-frozen", time[start], time[end], flown))
     return frozen, _place_steps(track, evidence, time[keep], place[keep])
 
 
@@ -292,7 +292,7 @@ def _attitudes(
         if time[end] >= first and time[start] <= last:
             caught_up = np.abs(turn[min(end, len(turn) - 1)])
             may_turn = caught_up + _TURNING_RAD_S * (time[end] - time[start])
-            frozen.append(_fault("attitude-frozen", time[start], time[end], may_turn))
+            frozen.append(_make_fault("attitude-frozen", time[start], time[end], may_turn))
     # The rotation at the end of a standstill is not a jump.
     moving = keep[1:] & keep[:-1]
     return frozen, _turn_steps(time, stated, np.where(moving[:, None], turn, np.nan))
@@ -339,7 +339,7 @@ def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterato
         change = steps.change[run[0] : run[-1] + 1].sum(axis=0)
         stays = (_sizes(change[None])[0] > steps.allowed[run].max(axis=0)).any()
         if stays and end > first and start < last:
-            yield _fault(kind, start, end, change)
+            yield _make_fault(kind, start, end, change)
 
 
 def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
@@ -361,10 +361,10 @@ def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
             if kind == "position-gap":
                 # midway between two places with known speeds (Hermite: a quarter of a parabola)
                 unknown = np.full(3, _GUST_M_S2 * width**2 / 16)
-                yield _fault("position-gap", time[row], time[row + 1], unknown)
+                yield _make_fault("position-gap", time[row], time[row + 1], unknown)
             else:
                 turned = np.full(3, min(_TURNING_RAD_S * width, np.pi / 2))
-                yield _fault(kind, time[row], time[row + 1], turned)
+                yield _make_fault(kind, time[row], time[row + 1], turned)
         if kind == "attitude-gap":
             exposure_s = exposure_s[~far]
 
@@ -397,10 +397,10 @@ def _receiver_apart(
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1):
         if len(run) and time[run[-1]] >= first and time[run[0]] <= last:
             worst = smooth[run[size[run].argmax()]]
-            yield _fault("receiver-apart", time[run[0]], time[run[-1]], np.append(worst, 0.0))
+            yield _make_fault("receiver-apart", time[run[0]], time[run[-1]], np.append(worst, 0.0))
 
 
-def _explained(fault: LogFault, evidence: FlightEvidence) -> LogFault:
+def _add_resets(fault: LogFault, evidence: FlightEvidence) -> LogFault:
     """Add the resets that the autopilot states at that moment."""
     noted = [
         what
@@ -410,7 +410,7 @@ def _explained(fault: LogFault, evidence: FlightEvidence) -> LogFault:
     return replace(fault, resets=tuple(dict.fromkeys(noted)))
 
 
-def _fault(kind: FaultKind, start: float, end: float, change: Floats) -> LogFault:
+def _make_fault(kind: FaultKind, start: float, end: float, change: Floats) -> LogFault:
     east, north, up = (float(part) for part in change)
     return LogFault(kind=kind, start_s=float(start), end_s=float(end), change=(east, north, up))
 

@@ -54,7 +54,7 @@ def find_turned_mount(survey: Survey) -> Message | None:
     stated = _scatter_m(survey, seeds, ray, np.eye(3))
     turned = {turn: _scatter_m(survey, seeds, ray, _rotation(*turn)) for turn in _TURNS}
     best = min(turned, key=turned.__getitem__)
-    heading = _turned_heading(survey, ray, min(stated, turned[best]))
+    heading = _report_turned_heading(survey, ray, min(stated, turned[best]))
     if heading is not None:
         return heading
     if not turned[best] < MAX_SCATTER_RATIO * stated:
@@ -72,7 +72,7 @@ def find_turned_mount(survey: Survey) -> Message | None:
     return Message("warning", "mount-turned", text)
 
 
-def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Message | None:
+def _report_turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Message | None:
     """Report a common rotation of all headings that reduces the scatter of points by far.
 
     Parameters

@@ -12,14 +12,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.clock_line import to_utc
+from uavgram.estimation.clocks.clock_line import convert_boot_to_utc
 from uavgram.geometry.geodesy import Origin, enu_from_geodetic
 from uavgram.geometry.motion.rotation import ENU_FROM_NED, matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight_log import Boot, BootClock
 from uavgram.model.frames import Frames, PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
-from uavgram.model.naming import counted_photos
+from uavgram.model.naming import format_photo_count
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.stated_mount import apply_stated_mount
 
@@ -166,7 +166,8 @@ def _messages(poses: PhotoPoses, has_attitude: Bools) -> Iterator[Message]:
     if by_nose.size:
         frames = tuple(poses.frame_id[k] for k in by_nose)
         text = (
-            f"There is no attitude in {poses.source} for {counted_photos(frames)}: the direction "
+            f"There is no attitude in {poses.source} for {format_photo_count(frames)}: the "
+            f"direction "
             "is assumed by `mount` from a level vehicle with the heading of its tags (sigma "
             f"{MOUNT_TILT_SIGMA_DEG:g} degrees of tilt, {NOSE_YAW_SIGMA_DEG:g} of yaw). If you "
             f"know better, {way_out}."
@@ -175,7 +176,8 @@ def _messages(poses: PhotoPoses, has_attitude: Bools) -> Iterator[Message]:
     if unknown.size:
         frames = tuple(poses.frame_id[k] for k in unknown)
         text = (
-            f"There is no attitude in {poses.source} for {counted_photos(frames)}. The direction "
+            f"There is no attitude in {poses.source} for {format_photo_count(frames)}. The "
+            f"direction "
             "is assumed by `mount` from a level vehicle (sigma "
             f"{MOUNT_TILT_SIGMA_DEG:g} degrees of tilt); the heading is unknown, "
             "as a drone may fly backwards and sideways. Only points that several photos share, or "
@@ -233,7 +235,7 @@ def compute_positions(frames: Frames, boot: Boot, clock: BootClock) -> PhotoPose
     if positions is None or len(positions.time_boot_s) < 2:
         raise UavgramError("the log has fewer than two positions: it cannot place photos")
     rows = np.flatnonzero(frames.matched)
-    instant, logged = frames.time_utc_s[rows], to_utc(clock, positions.time_boot_s)
+    instant, logged = frames.time_utc_s[rows], convert_boot_to_utc(clock, positions.time_boot_s)
 
     columns = positions.latitude_deg, positions.longitude_deg, positions.height_m
     latitude, longitude, height = (np.interp(instant, logged, column) for column in columns)

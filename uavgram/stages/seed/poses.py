@@ -59,7 +59,7 @@ def seed(
     exposures = exposures_by_time(flight, names)(time_s)
     gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
     mount_from_camera = nominal_mount(mount, gimbal=gimbal)
-    shared, shared_sigma = _shared(frames, mount, telemetry)
+    shared, shared_sigma = _make_shared_prior(frames, mount, telemetry)
     freed = free_priors(faults, time_s, find_unsure_s(frames))
     shared_sigma[POSITION_BIAS] = np.sqrt(shared_sigma[POSITION_BIAS] ** 2 + freed.position_bias)
     shared_sigma[HEADING_BIAS] = np.sqrt(shared_sigma[HEADING_BIAS] ** 2 + freed.heading_bias)
@@ -107,7 +107,7 @@ def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:
     return np.asarray(matrix_from_ypr(yaw, pitch, roll) @ GIMBAL_FROM_CAMERA)
 
 
-def _shared(
+def _make_shared_prior(
     frames: Frames, mount: MountOptions, telemetry: TelemetryOptions
 ) -> tuple[Floats, Floats]:
     """Return values and prior sigmas (12,) of the unknowns that all frames share."""
@@ -128,8 +128,8 @@ def _sigmas(flight: Flight, names: tuple[str, ...], time_s: Floats) -> tuple[Flo
     if isinstance(flight, PhotoExposures):
         index = flight.rows_of(names)
         return flight.sigma_position_m[index], flight.sigma_attitude_rad[index]
-    position = _at(flight.sigma_time_s, flight.sigma_position_m, time_s)
-    return position, _at(flight.sigma_time_s, flight.sigma_attitude_rad, time_s)
+    position = _interpolate_sigmas(flight.sigma_time_s, flight.sigma_position_m, time_s)
+    return position, _interpolate_sigmas(flight.sigma_time_s, flight.sigma_attitude_rad, time_s)
 
 
 def _own_covariance(
@@ -155,6 +155,6 @@ def _own_covariance(
     return np.asarray(covariance + along @ np.swapaxes(along, 1, 2))
 
 
-def _at(time_s: Floats, value: Floats, at_s: Floats) -> Floats:
+def _interpolate_sigmas(time_s: Floats, value: Floats, at_s: Floats) -> Floats:
     """Interpolate sigmas (N, 2) linearly, constant beyond the ends."""
     return np.column_stack([np.interp(at_s, time_s, column) for column in value.T])

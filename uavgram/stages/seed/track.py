@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.clock_line import to_boot, to_utc
+from uavgram.estimation.clocks.clock_line import convert_boot_to_utc, convert_utc_to_boot
 from uavgram.geometry.geodesy import Origin, enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import (
@@ -47,14 +47,14 @@ def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvide
     velocity, receiver, turn = _NONE, _NONE, _NONE
     if boot.velocities is not None:
         stated = boot.velocities
-        velocity = to_utc(clock, stated.time_boot_s), stated.ned_m_s @ ENU_FROM_NED.T
+        velocity = convert_boot_to_utc(clock, stated.time_boot_s), stated.ned_m_s @ ENU_FROM_NED.T
     if boot.turn_rates is not None:
-        turn = to_utc(clock, boot.turn_rates.time_boot_s), boot.turn_rates.body_rad_s
+        turn = convert_boot_to_utc(clock, boot.turn_rates.time_boot_s), boot.turn_rates.body_rad_s
     other = boot.receiver
     if other is not None and boot.positions is not None and other.source != boot.positions.source:
         place = enu_from_geodetic(other.latitude_deg, other.longitude_deg, other.height_m, origin)
-        receiver = to_utc(clock, other.time_boot_s), place
-    at = to_utc(clock, np.array([reset.time_boot_s for reset in boot.resets]))
+        receiver = convert_boot_to_utc(clock, other.time_boot_s), place
+    at = convert_boot_to_utc(clock, np.array([reset.time_boot_s for reset in boot.resets]))
     what = (reset.what for reset in boot.resets)
     return FlightEvidence(
         velocity_time_s=velocity[0],
@@ -112,9 +112,9 @@ def find_home(
     UavgramError
         The log has neither home nor positions.
     """
-    first_boot_s = float(to_boot(clock, first_exposure_utc_s))
+    first_boot_s = float(convert_utc_to_boot(clock, first_exposure_utc_s))
     if boot.home is not None:
-        return _stated_home(boot.home, first_boot_s)
+        return _choose_home(boot.home, first_boot_s)
     positions = boot.positions
     if positions is None:
         raise UavgramError(f"the log has no positions, so there is no home: {WITHOUT}")
@@ -133,7 +133,7 @@ def find_home(
     return home, positions.datum, (Message("warning", "home-missing", text),)
 
 
-def _stated_home(
+def _choose_home(
     home: HomeSamples, first_boot_s: float
 ) -> tuple[Home, HeightDatum, tuple[Message, ...]]:
     """Return the last statement before the exposure, or the first of all."""
@@ -192,13 +192,13 @@ def build_track(
         part.source for part in (positions, attitudes, used, boot.sigmas) if part is not None
     )
     track = Track(
-        position_time_s=to_utc(clock, positions.time_boot_s),
+        position_time_s=convert_boot_to_utc(clock, positions.time_boot_s),
         position_world_m=center_m,
-        attitude_time_s=to_utc(clock, attitudes.time_boot_s),
+        attitude_time_s=convert_boot_to_utc(clock, attitudes.time_boot_s),
         world_from_body_xyzw=xyzw_from_matrix(ENU_FROM_NED @ ned_from_body),
-        gimbal_time_s=to_utc(clock, gimbal_boot_s),
+        gimbal_time_s=convert_boot_to_utc(clock, gimbal_boot_s),
         world_from_gimbal_xyzw=world_from_gimbal,
-        sigma_time_s=to_utc(clock, sigma_boot_s),
+        sigma_time_s=convert_boot_to_utc(clock, sigma_boot_s),
         sigma_position_m=sigma_position,
         sigma_attitude_rad=sigma_attitude,
         source=source,

@@ -2,15 +2,15 @@
 
 Sources of the numbers:
 
-* An instant is its event's where the pair is certain. Otherwise it is the photo's own time,
-  converted to the log's clock by the fitted offset and drift: then a wrong event has no effect.
-* `sigma_time_s`, a frame's own: at an event, the scatter of photos about events (fine file times),
-  or `EVENT_JITTER_S` (with coarse ones it cannot be estimated); off an event, the file time's step
-  as a uniform error, the scatter of the shutter, and the fitted line's own sigma there.
-* `offset_sigma_s`, common to all frames: that of the fitted offset, and the lag of exposures after
-  events (`ClockedBoot.lag_sigma_s`), which no alignment can determine; at most the project's
-  `offset_sigma_s`. The boot clock's error against UTC is not included: events and positions share
-  it.
+* Instant: the time of the event where the pair is certain. Otherwise the photo's own time,
+  converted to the log's clock by the fitted offset and drift, so that a wrong event has no effect.
+* `sigma_time_s`, the error of a single frame. With an event: the scatter of photos about events, or
+  `EVENT_JITTER_S` where file times are too coarse to estimate it. Without an event: the step of the
+  file times as a uniform error, the scatter of the shutter, and the sigma of the fitted line.
+* `offset_sigma_s`, the error common to all frames: that of the fitted offset and that of the lag
+  between event and exposure (`ClockedBoot.lag_sigma_s`), which no alignment can determine; at most
+  the project's `offset_sigma_s`. The error of the boot clock against UTC is not included, as events
+  and positions share it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.alignment import Alignment
-from uavgram.estimation.clocks.clock_line import COARSE_STEP_S, fit_boot_clock, to_utc
+from uavgram.estimation.clocks.clock_line import COARSE_STEP_S, convert_boot_to_utc, fit_boot_clock
 from uavgram.geometry.gps_time import DAY_S, span_text, utc_text
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight_log import Boot, BootClock, FlightLog
@@ -57,12 +57,12 @@ class ClockedBoot:
         events = self.boot.events
         if events is None:
             return np.zeros(0)
-        return to_utc(self.clock, events.time_boot_s[self.event_rows()])
+        return convert_boot_to_utc(self.clock, events.time_boot_s[self.event_rows()])
 
     def span_utc_s(self) -> tuple[float, float]:
         """Return the interval in which position and attitude are both known."""
         tables = [t for t in (self.boot.positions, self.boot.attitudes) if t is not None]
-        ends = np.array([to_utc(self.clock, t.time_boot_s[[0, -1]]) for t in tables])
+        ends = np.array([convert_boot_to_utc(self.clock, t.time_boot_s[[0, -1]]) for t in tables])
         return float(ends[:, 0].max()), float(ends[:, 1].min())
 
     def lag_sigma_s(self) -> float:
@@ -118,7 +118,7 @@ def log_spans(usable: list[ClockedBoot]) -> str:
     return " and ".join(f"{utc_text(first)} to {utc_text(last)}" for first, last in spans)
 
 
-def apart(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
+def measure_gap(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
     """Compute the time between photos and log [s], and describe both intervals.
 
     Parameters
@@ -298,14 +298,16 @@ def pairing_messages(pairing: Pairing) -> Iterator[Message]:
     if alone:
         text = (
             f"{len(alone)} photos have no camera event of their own in the log: "
-            f"{_named(pairing, alone)}. Their file times were used, where they have any: look "
+            f"{_join_reasons(pairing, alone)}. Their file times were used, where they have any: "
+            f"look "
             "whether photos or log are of another flight."
         )
         yield Message("warning", "photo-without-event", text, frames=_frames(pairing, alone))
     if doubtful:
         text = (
             f"{len(doubtful)} photos may belong to another camera event than the one they fell "
-            f"on: {_named(pairing, doubtful)}. Their file times were used. `uavgram check` shows "
+            f"on: {_join_reasons(pairing, doubtful)}. Their file times were used. `uavgram check` "
+            f"shows "
             "each photo with its event."
         )
         frames = _frames(pairing, doubtful)
@@ -325,7 +327,7 @@ def _frames(pairing: Pairing, rows: list[int]) -> tuple[str, ...]:
     return tuple(pairing.frame_id[k] for k in rows)
 
 
-def _named(pairing: Pairing, rows: list[int]) -> str:
+def _join_reasons(pairing: Pairing, rows: list[int]) -> str:
     shown = "; ".join(f"{pairing.frame_id[k]} ({pairing.reason[k]})" for k in rows[:_NAMED])
     return shown + (f"; and {len(rows) - _NAMED} more" if len(rows) > _NAMED else "")
 
@@ -334,7 +336,7 @@ LONGEST_GAP_S = 1.0  # to the nearest logged position
 LOOK = "Check whether it is of this flight, and time.offset_s."
 
 
-def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:
+def place_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:
     """Return frames, with the reason where one has no place in the log.
 
     Parameters
@@ -347,12 +349,16 @@ def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames
         Instants of all photos.
     """
     positions = chosen.boot.positions
-    logged = np.zeros(0) if positions is None else to_utc(chosen.clock, positions.time_boot_s)
+    logged = (
+        np.zeros(0)
+        if positions is None
+        else convert_boot_to_utc(chosen.clock, positions.time_boot_s)
+    )
     time = timing.time_utc_s
     known = np.isfinite(time)
     inside = is_inside(time, chosen)
     gap = np.full(len(time), np.inf)
-    gap[known] = _to_nearest(time[known], logged)
+    gap[known] = _compute_sample_distance(time[known], logged)
     matched = inside & (gap <= LONGEST_GAP_S)
     first, last = chosen.span_utc_s()
     reasons = []
@@ -382,7 +388,7 @@ def _outside(time: float, first: float, last: float) -> str:
     return f"taken {span_text(abs(time - end))} {how} ({utc_text(time)}, the log {utc_text(end)})"
 
 
-def _to_nearest(time: Floats, samples: Floats) -> Floats:
+def _compute_sample_distance(time: Floats, samples: Floats) -> Floats:
     """Return the distance (F,) to the nearest sample."""
     if not len(samples):
         return np.full(len(time), np.inf)
@@ -391,7 +397,7 @@ def _to_nearest(time: Floats, samples: Floats) -> Floats:
     return np.minimum(np.abs(samples[right] - time), np.abs(time - samples[left]))
 
 
-def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
+def report_unmatched(frames: Frames) -> tuple[Message, ...]:
     """Report each frame that has no place in the log."""
     return tuple(
         Message(

@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.alignment import Alignment, align
-from uavgram.estimation.clocks.clock_line import COARSE_STEP_S, to_boot
+from uavgram.estimation.clocks.clock_line import COARSE_STEP_S, convert_utc_to_boot
 from uavgram.estimation.clocks.tied_clock import TiedClock, estimate_tied_clock
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_rays, level_scene
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
@@ -34,15 +34,15 @@ from uavgram.stages.synchronise.event_times import (
     HOW,
     ClockedBoot,
     Timing,
-    apart,
     event_timing,
     file_sigma_s,
     has_events,
     is_inside,
     log_spans,
+    measure_gap,
     photos_span,
-    placed_frames,
-    unmatched_messages,
+    place_frames,
+    report_unmatched,
     usable_boots,
 )
 from uavgram.stages.tie_chains import find_ties
@@ -63,7 +63,7 @@ def match_by_order(
         The project's `time`.
     """
     count = len(photos.frame_id)
-    confirmed = [_confirmed(c.boot) for c in usable]
+    confirmed = [_count_confirmed(c.boot) for c in usable]
     fitting = [c for c, number in zip(usable, confirmed, strict=True) if number == count]
     if len(fitting) != 1:
         held = " and ".join(str(number) for number in confirmed)
@@ -84,7 +84,7 @@ def match_by_order(
     )
 
 
-def _confirmed(boot: Boot) -> int:
+def _count_confirmed(boot: Boot) -> int:
     return 0 if boot.events is None else int((boot.events.confirmed > 0).sum())
 
 
@@ -109,7 +109,7 @@ def match_by_offset(
     most = int(np.argmax([int(mask.sum()) for mask in inside]))
     chosen = usable[most]
     if not inside[most].any():
-        raise UavgramError(apart(time, usable)[1])
+        raise UavgramError(measure_gap(time, usable)[1])
     resolution = float(np.nanmax(photos.file_time_resolution_s))
     # Common to all frames: the stated offset's sigma, the boot clock's line to UTC (a stated
     # offset is against UTC, the flight is on the boot clock), and whether the camera truncates
@@ -121,10 +121,10 @@ def match_by_offset(
     if resolution <= COARSE_STEP_S or chosen.boot.events is None:
         return chosen, plain
     reach = 3 * stated + resolution / 2
-    return chosen, _snapped(photos, chosen, options, plain, reach)
+    return chosen, _snap_to_events(photos, chosen, options, plain, reach)
 
 
-def _snapped(
+def _snap_to_events(
     photos: Photos,
     chosen: ClockedBoot,
     options: TimeOptions,
@@ -190,11 +190,11 @@ def match_by_alignment(
         raise UavgramError(_two_boots(unique))
     if not best.unique:
         raise UavgramError(_ambiguity(best, int(timed.sum()), len(chosen.event_utc_s())))
-    message = Message("info", "time-aligned", _found(best, len(photos.frame_id)))
+    message = Message("info", "time-aligned", _describe_alignment(best, len(photos.frame_id)))
     return chosen, event_timing(photos, chosen, best, options, (message,))
 
 
-def _found(alignment: Alignment, photos: int) -> str:
+def _describe_alignment(alignment: Alignment, photos: int) -> str:
     clock = alignment.clock
     drift = ""
     if clock.drifts:
@@ -345,7 +345,7 @@ def _clock(photos: Photos, clocked: ClockedBoot, tied: TiedPoses, rows: Ints) ->
     )
 
     def flown(time_utc_s: Floats) -> tuple[Floats, Floats]:
-        time = to_boot(clock, time_utc_s)
+        time = convert_utc_to_boot(clock, time_utc_s)
         at = np.stack([np.interp(time, positions.time_boot_s, axis) for axis in world.T], axis=1)
         body, _ = interpolate_rotation(attitudes.time_boot_s, attitudes.ned_from_body_xyzw, time)
         return at, ENU_FROM_NED @ body
@@ -406,7 +406,7 @@ def synchronise(
     """
     usable = usable_boots(log)
     known_s = 0.0 if options.offset_s == "auto" else float(options.offset_s)
-    apart_s, both = apart(photos.file_time_s - known_s, usable)
+    apart_s, both = measure_gap(photos.file_time_s - known_s, usable)
     try:
         if options.source == "events" or photos.time_source == "none":
             chosen, timing = match_by_order(photos, usable, options)
@@ -422,11 +422,11 @@ def synchronise(
     if abs(apart_s) > DAY_S:
         message = Message("warning", "log-of-another-day", f"By the camera's clock {both}.")
         messages = (message, *messages)
-    frames = placed_frames(photos, chosen, timing)
+    frames = place_frames(photos, chosen, timing)
     return Synchronised(
         frames=frames,
         boot=chosen.boot,
         clock=chosen.clock,
-        messages=(*messages, *unmatched_messages(frames)),
+        messages=(*messages, *report_unmatched(frames)),
         pairing=timing.pairing,
     )

@@ -332,12 +332,14 @@ def _count_seen(
     shown = (remove_small_plates(found, 0) if choice.laid == "plates" else found).certain
     whole = shown.reshape(len(shown), *world_m.shape[:2]).all(axis=2)
     aim = weight_equally(possible)
-    left = np.array([_without(aim, possible, lines, end) for end in world_m[..., :2]])
+    left = np.array(
+        [_compute_criterion_without(aim, possible, lines, end) for end in world_m[..., :2]]
+    )
     limit = UNDETERMINED_RATIO * compute_criterion(aim, possible.candidates, lines)
     return np.count_nonzero(whole, axis=0).astype(np.float64), np.where(left < limit, left, np.nan)
 
 
-def _without(
+def _compute_criterion_without(
     aim: Objective, possible: PossibleReferences, lines: Sequence[int], end: Floats
 ) -> float:
     """Return the criterion without the line or plate that has these ends (k, 2)."""

@@ -8,7 +8,11 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.geometry.camera.projection import back_project, project_with_jacobian
-from uavgram.geometry.ground.figures import contains, crosses, find_long_axis
+from uavgram.geometry.ground.figures import (
+    find_long_axis,
+    mark_crossing_segments,
+    mark_points_inside,
+)
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
     GIMBAL_FROM_CAMERA,
@@ -350,7 +354,7 @@ def is_outside_no_go(scene: PlanScene, cameras: PlannedCameras) -> bool:
     """Return whether a flight stays outside all no-go areas."""
     foot = cameras.center_m[:, :2]
     start, end = (foot[:-1], foot[1:]) if len(foot) > 1 else (foot, foot)
-    return not any(crosses(polygon, start, end).any() for polygon in scene.no_go_m)
+    return not any(mark_crossing_segments(polygon, start, end).any() for polygon in scene.no_go_m)
 
 
 def list_heights(request: PlanRequest) -> tuple[float, ...]:
@@ -402,7 +406,7 @@ def find_covering_flights(
             if heights == HEIGHT_COUNT and not request.heights_m:
                 break
     if not found:
-        raise GeometryError(_why_not(scene, request, obstacles))
+        raise GeometryError(_explain_no_flight(scene, request, obstacles))
     return found
 
 
@@ -429,7 +433,7 @@ def _obstacle(scene: PlanScene, request: PlanRequest, one: Flight, must_m: Float
     return "" if shown.any(axis=0).all() else "cover"
 
 
-def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) -> str:
+def _explain_no_flight(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) -> str:
     size = find_long_axis(scene.area_m)[2]
     area = f"The area is {size[0]:.0f} m by {size[1]:.0f} m"
     tried = ", ".join(request.patterns)
@@ -464,7 +468,7 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
     if max(list_heights(request)) < request.max_height_m:
         more = f" fly higher (heights_m),{more}"
     away = np.linalg.norm(scene.point_m - scene.area_m.mean(axis=0), axis=1)
-    away[contains(scene.area_m, scene.point_m)] = 0.0
+    away[mark_points_inside(scene.area_m, scene.point_m)] = 0.0
     if away.any():
         farthest = scene.label[int(away.argmax())]
         more += f" leave out points outside of the area ({farthest}),"

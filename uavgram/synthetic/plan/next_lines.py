@@ -23,7 +23,7 @@ from uavgram.model.survey import NO_SIGHTINGS, Survey
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.synthetic.observations import is_inside
 from uavgram.synthetic.plan.layouts import (
     Candidates,
@@ -55,7 +55,7 @@ class _Places(NamedTuple):
     pixel_px: Floats
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def find_next_lines(project: Path) -> NextLines:
     """Compute the effect of more and fewer reference lines on a project.
 
@@ -154,7 +154,7 @@ def _places(adjustment: Adjustment, project: Path) -> _Places:
     label = np.full(len(place), middle)
     own = np.zeros((len(place), adjustment.problem.layout.point_size))
     own[:, :2] = place
-    world, _, _ = adjustment.problem.placed(state, own, label)
+    world, _, _ = adjustment.problem.place_points(state, own, label)
     world[:, 2] -= survey.height_above_m[middle]
     poses = RowPoses(state.center[:, None], state.rotation[:, None], adjustment.sweep()[:, None])
     camera = survey.calibration

@@ -12,12 +12,12 @@ from uavgram.errors import GeometryError, InputError
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.io.exports.missions import qgc_plan_text, waypoints_text
 from uavgram.io.exports.web_maps import write_kml, write_layers_geojson
-from uavgram.io.outputs import as_output_errors, replace_bytes, replace_text, staged_output
+from uavgram.io.outputs import convert_output_errors, replace_bytes, replace_text, stage_output
 from uavgram.io.results.command_json import write_plan
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Autopilot, HeightFrame, Paper
 from uavgram.model.message import Message
-from uavgram.model.naming import METRIC, Units, figures
+from uavgram.model.naming import METRIC, Units, format_digits
 from uavgram.model.planned import (
     Assumptions,
     FlightFacts,
@@ -30,7 +30,7 @@ from uavgram.model.planned import (
     PlannedSite,
 )
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.products.planned_layers import flight_mission, plan_layers
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.plan.accuracy import (
@@ -137,9 +137,10 @@ def list_remarks(
         yield Message(
             "warning",
             "plan-not-reached",
-            f"{measured.name[i]!r} will be known to ± {figures(measured.sigma[i], 3)} "
+            f"{measured.name[i]!r} will be known to ± {format_digits(measured.sigma[i], 3)} "
             f"{measured.unit[i]}, "
-            f"not to the ± {figures(measured.wanted_sigma[i], 3)} {measured.unit[i]} that are "
+            f"not to the ± {format_digits(measured.wanted_sigma[i], 3)} {measured.unit[i]} that "
+            f"are "
             "wanted, with "
             "any flight and layout that was tried. Allow more lines (most_lines), longer ones "
             "(longest_tape_m), lower heights or more photos (heights_m, frames, patterns), pick "
@@ -152,7 +153,8 @@ def list_remarks(
         yield Message(
             "warning",
             "plan-unchecked",
-            f"A mistake of {figures(GROSS_ERROR_M, 1)} m in the tape reading of {', '.join(names)} "
+            f"A mistake of {format_digits(GROSS_ERROR_M, 1)} m in the tape reading of "
+            f"{', '.join(names)} "
             "would go "
             "unnoticed: the other lines check it too little. Read the tape twice there, tape one "
             "more line, or take more photos.",
@@ -394,7 +396,7 @@ class PlanOutputs:
 DEFAULT_OUTPUTS = PlanOutputs()
 
 
-@with_one_blas_thread
+@limit_blas_threads
 def plan(path: Path, progress: Progress = silent) -> tuple[FlightPlanned, Scenario]:
     """Plan a flight and its reference lines.
 
@@ -455,7 +457,7 @@ def write_outputs(
         weasyprint_for(SHEET)
     mission = flight_mission(planned, made.autopilot, made.heights)
     layers, sheet = plan_layers(planned), field_sheet(planned, made.units)
-    with staged_output(folder, [source]) as hidden:
+    with stage_output(folder, [source]) as hidden:
         replace_text(hidden / SHEET_FILE, sheet)
         if made.pdf is not None:
             replace_bytes(hidden / f"{SHEET}.pdf", field_sheet_pdf(sheet, made.pdf))
@@ -470,7 +472,7 @@ def write_outputs(
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."
         replace_text(hidden / "scenario.yaml", format_scenario(as_flown, remark))
         written = {one.name for one in hidden.iterdir()}
-    with as_output_errors(folder):
+    with convert_output_errors(folder):
         for name in (
             MISSION_FILES - written
         ):  # an earlier plan's, which must not be flown by mistake

@@ -9,12 +9,12 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.ground.figures import (
-    contains,
-    crosses,
     find_long_axis,
+    mark_crossing_segments,
+    mark_points_inside,
     orient_counterclockwise,
     squares_on_plane,
 )
@@ -305,7 +305,7 @@ def read_scene(scenario: Scenario, path: Path) -> Asked:
     no_go = list_no_go(request, site, path)
     surface = draw_surface(replace(scenario, site=site), MeanGenerator())
     places = _places(scenario, file, site)
-    requests, label, point = _wanted(request, places, site, path)
+    requests, label, point = _list_requests(request, places, site, path)
     project = make_project(scenario)
     scene = PlanScene(
         calibration=read_scenario_camera(path, scenario.camera)
@@ -321,7 +321,7 @@ def read_scene(scenario: Scenario, path: Path) -> Asked:
         ground=replace(project.ground, roughness_sigma_m=request.roughness_m),
         tape=project.tape,
         plates=scenario.plates,
-        logged=None if project.log is None else _logged(project),
+        logged=None if project.log is None else _get_log_accuracy(project),
         picks_sigma_px=project.picks_sigma_px,
         tape_sigma_m=scenario.errors.tape_m,
         deviation=Deviation(position_m=request.deviation_m, attitude_deg=request.deviation_deg),
@@ -329,7 +329,7 @@ def read_scene(scenario: Scenario, path: Path) -> Asked:
     return Asked(scene, request, site)
 
 
-def _logged(project: Project) -> LoggedAccuracy:
+def _get_log_accuracy(project: Project) -> LoggedAccuracy:
     """Return the stated accuracy of the project's log, with defaults for each photo."""
     stated, usual = project.telemetry, LoggedAccuracy()
     position, attitude = stated.position_sigma_m, stated.attitude_sigma_deg
@@ -351,7 +351,7 @@ def _places(scenario: Scenario, file: AreaFile | None, site: Site) -> dict[str, 
     return places
 
 
-def _wanted(
+def _list_requests(
     request: PlanRequest, places: dict[str, Floats], site: Site, path: Path
 ) -> tuple[tuple[MeasurementRequest, ...], tuple[str, ...], Floats]:
     """Return the requests, and labels and positions of their points."""
@@ -365,7 +365,7 @@ def _wanted(
             elif one in places:
                 name, at = one, places[one]
             else:
-                hint = near_miss(one, places)
+                hint = suggest_spelling(one, places)
                 raise InputError(
                     path,
                     f"plan.wanted: {wanted.name!r} names the point {one!r}, which is nowhere"
@@ -413,7 +413,7 @@ def make_grid(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats
     along, across = (np.linspace(-r / 2, r / 2, n + 1) for r, n in zip(room, count, strict=True))
     x, y = (part.ravel() for part in np.meshgrid(along, across, indexing="ij"))
     point = middle + x[:, None] * axis + y[:, None] * np.array([-axis[1], axis[0]])
-    return np.asarray(point[contains(area_m, point)])
+    return np.asarray(point[mark_points_inside(area_m, point)])
 
 
 def make_spots(
@@ -440,9 +440,9 @@ def make_spots(
         ring = 0.5 * RIM * longest_m * np.column_stack([np.cos(turn), np.sin(turn)])
         middle = make_grid(area_m, step * float(np.sqrt(RING)), 0.5 * longest_m)
         point = (middle[:, None] + ring).reshape(-1, 2)
-        point = point[contains(area_m, point)]
+        point = point[mark_points_inside(area_m, point)]
     for polygon in no_go_m:
-        point = point[~contains(polygon, point)]
+        point = point[~mark_points_inside(polygon, point)]
     return point
 
 
@@ -470,7 +470,7 @@ def join_spots(
     fits = (length >= lengths_m[0]) & (length <= lengths_m[1]) & seen_together[first, second]
     first, second = first[fits], second[fits]
     for polygon in no_go_m:
-        free = ~crosses(polygon, spot_m[first, :2], spot_m[second, :2])
+        free = ~mark_crossing_segments(polygon, spot_m[first, :2], spot_m[second, :2])
         first, second = first[free], second[free]
     return np.stack([first, second], axis=1)
 
@@ -542,7 +542,9 @@ def _move_inside(area_m: Floats, ends: Floats) -> Floats:
     moved = ends.copy()
     for share in (0.0, 0.25, -0.25, 0.5, -0.5):
         tried = ends + share * along[:, :, None]
-        fits = contains(area_m, tried.reshape(-1, 2)).reshape(*ends.shape[:2], 2).all(axis=2)
+        fits = (
+            mark_points_inside(area_m, tried.reshape(-1, 2)).reshape(*ends.shape[:2], 2).all(axis=2)
+        )
         moved = np.where((fits & ~inside)[..., None, None], tried, moved)
         inside |= fits
     return moved

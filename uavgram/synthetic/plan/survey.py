@@ -20,14 +20,14 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.ground.figures import contains
+from uavgram.geometry.ground.figures import mark_points_inside
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.frames import Frames, PhotoExposures, Telemetry
 from uavgram.model.naming import MIN_SIDE_PX, PLATE_CORNERS, corner_label
 from uavgram.model.observations import KnownLines, Picks
 from uavgram.model.options import SolveOptions
 from uavgram.stages.assemble import assemble
-from uavgram.stages.plates import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, own_scale_sigma
+from uavgram.stages.plates import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, make_scale_prior
 from uavgram.stages.seed.poses import seed
 from uavgram.synthetic.plan.flights import (
     PlannedCameras,
@@ -117,7 +117,7 @@ class PlannedSurvey:
             raise ValueError("a planned survey is seen from above the ground")
         return blocks
 
-    def adjusted(self, blocks: dict[str, Block], *, weakly: bool = False) -> Adjustment:
+    def adjust(self, blocks: dict[str, Block], *, weakly: bool = False) -> Adjustment:
         """Return the adjustment of some of the observations.
 
         Parameters
@@ -197,7 +197,7 @@ def simulate_planned_survey(
             ground=replace(scene.ground, height_m=scene.height_m),
             picks_sigma_px=scene.picks_sigma_px,
             tape=scene.tape,
-            own_scale_sigma=own_scale_sigma(SQUARE * plates.side_m, plates.sigma_m)
+            own_scale_sigma=make_scale_prior(SQUARE * plates.side_m, plates.sigma_m)
             if lines.of_plates
             else (),
             photos=name,
@@ -376,7 +376,7 @@ def predict_values(
     """
     planned = make_survey(scene, cameras, wanted, ends_m)
     blocks = planned.blocks()
-    adjustment = planned.adjusted(blocks)
+    adjustment = planned.adjust(blocks)
     values = propagate(adjustment, wanted.requests, planned.frames)
     redundancy = np.zeros(0)
     if len(ends_m):
@@ -475,7 +475,7 @@ def compute_possible(
     tapes = blocks.pop("lengths")
     weak = make_weak_priors(problem)
     points = eliminate_points(problem, blocks | {"hardly known": weak})
-    values = propagate(planned.adjusted(blocks, weakly=True), wanted.requests, planned.frames)
+    values = propagate(planned.adjust(blocks, weakly=True), wanted.requests, planned.frames)
     if values.why_not:
         raise GeometryError(": ".join(values.why_not[0]))
     asked = combine_functions(points, layout, values.gradient.toarray())
@@ -513,7 +513,9 @@ def _places(scene: PlanScene, lengths_m: tuple[float, float] | None, most: int) 
     corner = scene.plates_at(middle)
     free = np.ones(len(middle), dtype=np.bool_)
     for polygon in scene.no_go_m:
-        free &= ~contains(polygon, corner[..., :2].reshape(-1, 2)).reshape(-1, 4).any(axis=1)
+        free &= ~mark_points_inside(polygon, corner[..., :2].reshape(-1, 2)).reshape(-1, 4).any(
+            axis=1
+        )
     return corner[free].reshape(-1, 3)
 
 

@@ -116,7 +116,7 @@ class Figure(NamedTuple):
     note: str = ""
 
 
-def _over_image(result: CalibrationResult, label: str) -> Drawing:
+def _make_image_drawing(result: CalibrationResult, label: str) -> Drawing:
     camera = result.calibration
     height = WIDTH * camera.height_px / camera.width_px
     return Drawing(label, WIDTH, height, letters=LETTERS)
@@ -133,7 +133,7 @@ def coverage_map(result: CalibrationResult) -> Figure:
     ]
     removed = np.array([status == "removed" for status in result.corners.status])
     place, step = _place(result, result.corners.pixel_px)
-    drawing = _over_image(result, "Corners in the image")
+    drawing = _make_image_drawing(result, "Corners in the image")
     texts = [str(count) for count in corners.ravel().tolist()]
     _draw_cells(drawing, result, fills, texts, DARK)
     drawing.signs("corners", place[~removed][::step], 1.1, Look(fill=FITS))
@@ -153,7 +153,7 @@ def residual_map(result: CalibrationResult) -> Figure:
     mean_to, _ = _place(result, tips.reshape(-1, 2))
     known = np.isfinite(mean_to[:, 0])
     odd = known & (maps.residual_probability.ravel() < UNLIKELY)
-    drawing = _over_image(result, "Residuals in the image")
+    drawing = _make_image_drawing(result, "Residuals in the image")
     each = np.stack([start, end], axis=1)[used][::step]
     drawing.lines("corners", each, Look("#b9c6d6", 0.6))
     for name, rows, look in (
@@ -170,7 +170,7 @@ def uncertainty_map(result: CalibrationResult) -> Figure:
     share, _, _ = uncertainty_shares(values)
     fills = hex_colours(1 - share)
     texts = [pixels_text(value) for value in values.tolist()]
-    drawing = _over_image(result, "Sigma of a projected direction in the image")
+    drawing = _make_image_drawing(result, "Sigma of a projected direction in the image")
     _draw_cells(drawing, result, fills, texts, None)
     return Figure(drawing)
 
@@ -202,7 +202,7 @@ def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "")
     values = lengths.pose_fitted[level]
     cost_mm = 1000.0 * values * lengths.length[level] * HEIGHT_M
     colours = hex_colours(1 - uncertainty_shares(values)[0])
-    drawing = _over_image(result, "Lengths in the image")
+    drawing = _make_image_drawing(result, "Lengths in the image")
     if picture:
         size = np.array([drawing.width, drawing.height])
         drawing.image(np.zeros(2), size, picture, opacity=0.5)

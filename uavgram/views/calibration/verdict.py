@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.model.board import CalibrationAccount, CalibrationResult, LensEffect
 from uavgram.model.camera import Calibration
 from uavgram.views.formatting import LEVEL_RANK
-from uavgram.views.survey.outlines import largest_known
+from uavgram.views.survey.outlines import find_largest_finite
 
 GOOD_FOCAL = 0.005
 """Limit of a good calibration: relative error of the focal length, or of lengths by the lens."""
@@ -124,8 +124,8 @@ def _direction(result: CalibrationResult) -> str:
     rows, columns = values.shape
     middle = values[rows // 4 : rows - rows // 4, columns // 4 : columns - columns // 4]
     return (
-        f"{pixels_text(largest_known(middle))} px in the middle half of the image, "
-        f"{pixels_text(largest_known(values))} px at worst"
+        f"{pixels_text(find_largest_finite(middle))} px in the middle half of the image, "
+        f"{pixels_text(find_largest_finite(values))} px at worst"
     )
 
 

@@ -16,7 +16,7 @@ from uavgram.views.recording.photo import FramePicks
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, FRAME_COLOURS, MEASURED, OBSERVED, REFINED, SEED, Rgb
 from uavgram.views.survey.key_facts import frame_states
-from uavgram.views.survey.outlines import largest_known, largest_sigmas
+from uavgram.views.survey.outlines import find_largest_finite, largest_sigmas
 from uavgram.views.survey.reliability import pick_limit
 from uavgram.views.units import table_unit, units_of
 
@@ -77,7 +77,7 @@ def frame_curves(result: Result, picks: FramePicks) -> FrameCurves:
             [_rms((result.picks.residual_px * pixel_m)[rows]) for rows in picks.rows]
         ),
         sigma_m=np.where(np.isfinite(sigma_m), sigma_m, _rms(own * pixel_m)),
-        worst_w=np.array([largest_known(w[rows]) for rows in picks.rows]),
+        worst_w=np.array([find_largest_finite(w[rows]) for rows in picks.rows]),
         limit_w=pick_limit(result),
         seed_height_m=_height(result, result.frames.seed),
         refined_height_m=_height(result, result.frames.refined),

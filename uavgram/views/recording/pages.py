@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.model.naming import counted
+from uavgram.model.naming import format_count
 from uavgram.model.result.result import Result, compare_cameras
 from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
@@ -22,7 +22,7 @@ from uavgram.views.formatting import (
     order_computed_first,
     order_worst_fit_first,
 )
-from uavgram.views.pages import page_environment, units_shown
+from uavgram.views.pages import make_unit_variables, page_environment
 from uavgram.views.recording.curves import FrameCurves, PoseCurves
 from uavgram.views.recording.photo import FramePicks
 from uavgram.views.recording.points import has_outlines
@@ -68,7 +68,7 @@ def _page(name: str, result: Result, **shown: object) -> str:
         result=result,
         effect_words=effect_words,
         table=partial(result_table, result=result),
-        **units_shown(result),
+        **make_unit_variables(result),
         line_words=LINE_STATUS_WORDS,
         status_text=status_text,
         not_unique=NOT_UNIQUE,
@@ -178,7 +178,7 @@ def messages_page(result: Result) -> str:
 def messages_title(result: Result) -> str:
     """Return the title of the messages: ``Messages: 1 error, 2 warnings``."""
     counts = Counter(message.level for message in result.messages)
-    loud = [counted(counts[level], level) for level in ("error", "warning") if counts[level]]
+    loud = [format_count(counts[level], level) for level in ("error", "warning") if counts[level]]
     return "Messages" + (f": {', '.join(loud)}" if loud else "")
 
 
@@ -201,7 +201,7 @@ def frame_sheets(
     sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     w = np.nan_to_num(np.abs(result.picks.w))
-    made, shown = frame_origins(result), units_shown(result)
+    made, shown = frame_origins(result), make_unit_variables(result)
     for i, rows in enumerate(picks.rows):
         sheet = template.render(
             **shown,

@@ -310,7 +310,7 @@ def log_names(
     photo
         Path of the photo's entity.
     """
-    places, texts, leaders, named = [], [], [], _with_heights(result)
+    places, texts, leaders, named = [], [], [], _format_heights(result)
     for rows, lines in zip(picks.rows, words, strict=True):
         at = result.picks.pixel_px[rows]
         labels = [result.picks.label[p] for p in rows]
@@ -352,7 +352,7 @@ def place_on_photo(result: Result, words: Sequence[PhotoText], picked_px: Floats
     )
 
 
-def _with_heights(result: Result) -> dict[str, str]:
+def _format_heights(result: Result) -> dict[str, str]:
     """Return the text of each point off the ground, such as ``V21 +1.40 m``."""
     points = result.points
     rows = np.flatnonzero(points.is_off_ground).tolist()
@@ -555,7 +555,7 @@ def _rulers(result: Result, standing: OffGround) -> Iterator[_Shape]:
         )
 
 
-def _dashed(pixel: Floats) -> Floats:
+def _dash_line(pixel: Floats) -> Floats:
     """Return the (m, 2) samples of a polyline, every fourth one NaN."""
     return np.where(np.arange(len(pixel))[:, None] % 4 == 3, np.nan, pixel)
 
@@ -585,7 +585,9 @@ def _log_shapes(
         pixels = project_polylines(result, frame, [shape.samples_m for shape in shown])
         for shape, seen in zip(shown, pixels, strict=True):
             pieces = visible_runs(seen)
-            runs[shape.entity][frame] += visible_runs(_dashed(seen)) if shape.is_dashed else pieces
+            runs[shape.entity][frame] += (
+                visible_runs(_dash_line(seen)) if shape.is_dashed else pieces
+            )
             if pieces and shape.text:
                 longest = max(pieces, key=len)
                 words[frame].append((longest[len(longest) // 2], shape.text))

@@ -60,7 +60,7 @@ class Eye:
         The same holds upward; then the larger D serves for both.
         """
         middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
-        right, upward, nearer = _seen(points_m - middle, towards)
+        right, upward, nearer = _split_offsets(points_m - middle, towards)
         shifts, distances = [], [1.0]
         for aside, share in ((right, HALF_WIDTH), (upward, HALF_HEIGHT)):
             # outermost points on both sides: largest W n + r (right) and W n - r (left)
@@ -84,20 +84,20 @@ class Eye:
 
     def project_to_screen(self, points_m: Floats) -> Floats:
         """Project (N, 3) points to (N, 2) tangents of angles, right and up."""
-        right, upward, nearer = _seen(points_m - self.target_m, self.towards)
+        right, upward, nearer = _split_offsets(points_m - self.target_m, self.towards)
         depth = np.maximum(self.distance_m - nearer, 1e-9)
         return np.stack([right / depth, upward / depth], axis=-1)
 
     def place_in_space(self, points_m: Floats, screen: Floats) -> Floats:
         """Return (N, 3) places at (N, 2) tangents of `on_screen`, as far away as (N, 3) points."""
         right, up = _axes(self.towards)
-        _, _, nearer = _seen(points_m - self.target_m, self.towards)
+        _, _, nearer = _split_offsets(points_m - self.target_m, self.towards)
         aside = screen * np.maximum(self.distance_m - nearer, 1e-9)[:, None]
         across = aside[:, :1] * right + aside[:, 1:] * up
         return np.asarray(self.target_m + across + nearer[:, None] * self.towards)
 
 
-def _seen(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
+def _split_offsets(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
     """Split (N, 3) offsets from a target into (N,) parts: right, upward, and towards the eye."""
     right, up = _axes(towards)
     return offset_m @ right, offset_m @ up, offset_m @ towards

@@ -335,11 +335,13 @@ class Recorder:
         is_flat = all(line.shape[1] == 2 for some in per_frame for line in some)
         kind = rr.LineStrips2D if is_flat else rr.LineStrips3D
         self.static(path, kind.from_fields(colors=colour, radii=rr.Radius.ui_points(width / 2)))
-        self._of_frames(
+        self._log_frames(
             path,
             [len(some) for some in per_frame],
             lambda rows: kind.columns(
-                strips=_packed([line for i in rows for line in per_frame[i]], is_flat=is_flat)
+                strips=_pack_polylines(
+                    [line for i in rows for line in per_frame[i]], is_flat=is_flat
+                )
             ),
         )
 
@@ -413,7 +415,7 @@ class Recorder:
         """
         shown, radii = None if words is None else True, rr.Radius.ui_points(radius)
         self.static(path, rr.Points2D.from_fields(colors=colour, radii=radii, show_labels=shown))
-        self._of_frames(
+        self._log_frames(
             path,
             [len(pixel) for pixel in per_frame],
             lambda rows: rr.Points2D.columns(
@@ -422,7 +424,7 @@ class Recorder:
             ),
         )
 
-    def _of_frames(self, path: str, lengths: list[int], columns: Columns) -> None:
+    def _log_frames(self, path: str, lengths: list[int], columns: Columns) -> None:
         """Log one row per frame; an empty row clears the drawing of the frame before."""
         counts = np.array(lengths, dtype=np.int64)
         if counts.any():
@@ -499,7 +501,7 @@ class Recorder:
         self.stream.send_columns(path, indexes=indexes, columns=column)
 
 
-def _packed(strips: list[Floats], *, is_flat: bool) -> Any:  # noqa: ANN401 (Arrow's arrays have no types)
+def _pack_polylines(strips: list[Floats], *, is_flat: bool) -> Any:  # noqa: ANN401 (Arrow's arrays have no types)
     """Pack all polylines into one array; Rerun needs a tenth of a millisecond for each."""
     made = rr.components
     none: Any = (made.LineStrip2DBatch if is_flat else made.LineStrip3DBatch)([]).as_arrow_array()

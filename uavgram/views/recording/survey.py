@@ -300,11 +300,11 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
     both = list(zip(drawings, tops.tolist(), strict=True))
 
     for name, colour, width in LINES:
-        lines = [_lower(line, top) for one, top in both for line in one.drawing.named(name)]
+        lines = [_lower(line, top) for one, top in both for line in one.drawing.find_shapes(name)]
         if name == "grid":
             lines += [_scale_bar(one.drawing, top) for one, top in both]
         recorder.lines(f"{PROFILES}/{name}", lines, colour, width)
-    dots = [_lower(dot[0], top) for one, top in both for dot in one.drawing.named("points")]
+    dots = [_lower(dot[0], top) for one, top in both for dot in one.drawing.find_shapes("points")]
     recorder.dots(f"{PROFILES}/points", dots, OBSERVED, 3.0)
     words = [(at, text, line) for one, top in both for at, text, line in _words(one, top)]
     leaders = [line for _, _, line in words if np.isfinite(line[0, 0])]
@@ -329,15 +329,17 @@ def _words(one: ProfileDrawing, top: float) -> Iterator[tuple[Floats, str, Float
     """
     drawing, factor = one.drawing, one.exaggeration
     scale = "to one scale" if factor == 1 else f"heights {factor} times too large"
-    levels = [line[0, 1] for line in drawing.named("grid")]
+    levels = [line[0, 1] for line in drawing.find_shapes("grid")]
     fixed = [
         ((WIDTH / 2, -TITLE_UP), f"{one.name}: 95 % intervals, {scale}"),
         ((LEFT + drawing.bar / 2, drawing.height + BAR_UP), drawing.bar_text),
         *(((NUMBER_AT, y), text) for y, text in zip(levels, one.levels, strict=True)),
     ]
-    tops = [(bar[0], text) for bar, text in zip(drawing.named("bars"), one.labels, strict=True)]
+    tops = [
+        (bar[0], text) for bar, text in zip(drawing.find_shapes("bars"), one.labels, strict=True)
+    ]
     words = [*fixed, *tops]
-    dots = np.concatenate(drawing.named("points"))
+    dots = np.concatenate(drawing.find_shapes("points"))
     placed = place_texts(
         np.array([at for at, _ in words]),
         [text for _, text in words],

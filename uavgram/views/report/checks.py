@@ -17,7 +17,7 @@ from uavgram.views.formatting import (
 )
 from uavgram.views.survey.reliability import overall_words
 from uavgram.views.survey.verdict import THREE_SIGMA
-from uavgram.views.units import spread_text, units_of, value_text
+from uavgram.views.units import format_sigma, format_value, units_of
 
 GAUGE_SIGMAS = 6.0
 """Sigmas from the middle of a gauge to its ends; larger values are drawn at the end."""
@@ -82,7 +82,7 @@ def _row(result: Result, i: int) -> KnownRow:
     known, units = result.known, units_of(result)
     unit, sigma = known.unit[i], float(known.sigma[i])
     is_condition = bool(np.isnan(known.value[i]))
-    found = value_text(float(known.adjusted[i]), sigma, unit, units)
+    found = format_value(float(known.adjusted[i]), sigma, unit, units)
     if known.adjusted_sigma[i] > 0 and not is_condition:
         found = format_with_sigma(
             float(known.adjusted[i]), float(known.adjusted_sigma[i]), unit, units
@@ -91,19 +91,19 @@ def _row(result: Result, i: int) -> KnownRow:
         name=known.name[i],
         what=KNOWN_WORDS.get(known.kind[i], known.kind[i]),
         points=known.points[i],
-        given=f"± {spread_text(sigma, unit, units)}"
+        given=f"± {format_sigma(sigma, unit, units)}"
         if is_condition
         else format_with_sigma(float(known.value[i]), sigma, unit, units),
         found="–" if is_condition else found,
         difference="–"
         if np.isnan(known.residual[i])
         else ("+" if known.residual[i] > 0 else "")
-        + value_text(float(known.residual[i]), sigma, unit, units),
+        + format_value(float(known.residual[i]), sigma, unit, units),
         w=number(float(known.w[i]), 1, signed=True),
         redundancy=number(float(known.redundancy[i]), 2),
         least="–"
         if np.isnan(known.mdb[i])
-        else value_text(float(known.mdb[i]), sigma, unit, units),
+        else format_value(float(known.mdb[i]), sigma, unit, units),
         status=KNOWN_STATUS_WORDS[known.status[i]],
         is_bad=known.status[i] in ("suspect", "removed"),
     )

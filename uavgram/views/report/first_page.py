@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Pictures, Result
 from uavgram.views.formatting import order_shapes_first
@@ -17,13 +17,13 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.pictures import GROUND, picture_mark
 from uavgram.views.survey.key_facts import accuracy_words, note_automatic_values
 from uavgram.views.survey.sheet import WIDTH
-from uavgram.views.survey.top_view import TopView, fit_layout, top_view, used_points
+from uavgram.views.survey.top_view import TopView, fit_layout, mark_used_points, top_view
 from uavgram.views.survey.verdict import verdict_words
 
 
 def ground_extent(result: Result) -> tuple[Floats, Floats] | None:
     """Return south-west and north-east corner (2,) of the report's plan; None without one."""
-    plan = fit_layout(result, lay_out_brief(result).plan_height, used_points(result))
+    plan = fit_layout(result, lay_out_brief(result).plan_height, mark_used_points(result))
     return None if plan is None else plan.sheet.extent_m
 
 
@@ -39,7 +39,7 @@ def report_plan(result: Result, first: Brief, pictures: Pictures) -> TopView | N
     pictures
         Pictures; one of them may show the ground.
     """
-    shown, address = used_points(result), picture_mark(GROUND)
+    shown, address = mark_used_points(result), picture_mark(GROUND)
     return top_view(result, first.plan_height, shown, pictures.ground, address)
 
 
@@ -139,7 +139,7 @@ def _listed_or_all(names: Sequence[str], every: Sequence[str]) -> str:
     """List the names; those of all measurements, if there are several, are counted."""
     if 1 < len(names) == len(every):
         return f"all {len(names)} measurements"
-    return listed(names, MAX_NAMES)
+    return join_names(names, MAX_NAMES)
 
 
 def _limits(result: Result) -> list[str]:

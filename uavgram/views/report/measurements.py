@@ -21,7 +21,7 @@ MAX_RELIEF = 10
 MAX_DIFFERENT = 10
 """Number of measurements shown for another solution: those that it changes most."""
 
-LITTLE = 0.05
+MIN_SIGMA_CHANGE = 0.05
 """Relative change of a sigma, or of an error's size, that is not mentioned."""
 
 
@@ -71,7 +71,7 @@ def describe_learnt_noise(result: Result) -> str:
     rows, noise = result.measurements, result.noise
     known = np.isfinite(rows.sigma) & (rows.sigma_stated > 0)
     ratio = rows.sigma[known] / rows.sigma_stated[known]
-    if noise is None or np.abs(ratio - 1.0).max(initial=0.0) <= LITTLE:
+    if noise is None or np.abs(ratio - 1.0).max(initial=0.0) <= MIN_SIGMA_CHANGE:
         return ""
     low, high = number(float(ratio.min()), 1), number(float(ratio.max()), 1)
     times = high if low == high else f"{low} to {high}"
@@ -82,14 +82,16 @@ def describe_learnt_noise(result: Result) -> str:
 
 def _causes(noise: Noise) -> list[str]:
     causes = []
-    if any(area.size_m > (1.0 + LITTLE) * area.stated_m for area in noise.roughness):
+    if any(area.size_m > (1.0 + MIN_SIGMA_CHANGE) * area.stated_m for area in noise.roughness):
         causes.append("the ground is not a plane")
     for picks in noise.picks:
-        if abs(picks.factor - 1.0) > LITTLE:
+        if abs(picks.factor - 1.0) > MIN_SIGMA_CHANGE:
             found = picks.stated_px * picks.factor
             how = "less" if picks.factor > 1.0 else "more"
             sizes = f"{picks.stated_px:.2g} px stated, {found:.2g} px found"
-            causes.append(f"the {noise.called(picks)} are {how} exact than stated ({sizes})")
+            causes.append(
+                f"the {noise.describe_picks(picks)} are {how} exact than stated ({sizes})"
+            )
     return causes
 
 
@@ -195,7 +197,7 @@ OTHER_COLOUR = "#333333"
 MAX_ROWS = 40
 """Number of measurements whose budget is printed, the least certain; results.json has all."""
 
-FELT = 0.0005
+MIN_DRAWN_SHARE = 0.0005
 """Share that rounds to 0.1 %: smaller ones are not drawn."""
 
 
@@ -275,7 +277,7 @@ def _bar(sources: tuple[str, ...], share: Floats) -> list[Segment]:
     return [
         Segment(round(100 * (end - part), 2), round(100 * part, 2), _colour(source))
         for source, part, end in zip(sources, share.tolist(), ends.tolist(), strict=True)
-        if part >= FELT
+        if part >= MIN_DRAWN_SHARE
     ]
 
 

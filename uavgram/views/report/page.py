@@ -23,7 +23,7 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.geometry.ground.figures import ELLIPSE_95
 from uavgram.model.maps import Paper
-from uavgram.model.naming import counted
+from uavgram.model.naming import format_count
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.result import NO_PICTURES, Pictures, Result, compare_cameras
 from uavgram.views.formatting import (
@@ -42,7 +42,7 @@ from uavgram.views.formatting import (
     order_worst_fit_first,
     relief_text,
 )
-from uavgram.views.pages import PAPER_SIZES, page, page_pdf, units_shown, weasyprint_for
+from uavgram.views.pages import PAPER_SIZES, make_unit_variables, page, page_pdf, weasyprint_for
 from uavgram.views.report.annex import lay_out_annex
 from uavgram.views.report.checks import checks_summary, draw_gauge, known_table
 from uavgram.views.report.first_page import MAX_REASONS, Brief, lay_out_brief, report_plan
@@ -83,7 +83,7 @@ from uavgram.views.survey.reliability import (
 )
 from uavgram.views.survey.top_view import key_plan, top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
-from uavgram.views.units import spread_text, units_of, value_text
+from uavgram.views.units import format_sigma, format_value, units_of
 
 MAX_FILES = 40
 """Number of files whose checksums are in the report; the annex has all."""
@@ -120,7 +120,7 @@ def select_files(result: Result) -> tuple[InputDigest, ...]:
 
 def _photos(result: Result) -> str:
     used = sum(status == "refined" for status in result.frames.status)
-    return f"{used} of {counted(len(result.frames.status), 'photo')} used"
+    return f"{used} of {format_count(len(result.frames.status), 'photo')} used"
 
 
 def _lengths(result: Result) -> str:
@@ -130,7 +130,7 @@ def _lengths(result: Result) -> str:
     used = sum(one in ("used", "suspect") for one in status)
     withheld = sum(one == "checked" for one in status)
     checks = f", {withheld} withheld as a check" if withheld else ""
-    return f"{used} of {counted(len(status), 'length')} used{checks}"
+    return f"{used} of {format_count(len(status), 'length')} used{checks}"
 
 
 def _largest_source(result: Result) -> str:
@@ -142,7 +142,7 @@ def _largest_source(result: Result) -> str:
     largest = np.bincount(np.argmax(known, axis=1), minlength=len(budget.source))
     row = int(np.argmax(largest))
     source = SOURCES[budget.source[row]]
-    how_often = f"the largest in {largest[row]} of {counted(len(known), 'value')}"
+    how_often = f"the largest in {largest[row]} of {format_count(len(known), 'value')}"
     return f"{source.words}: {how_often}. {source.advice}"
 
 
@@ -291,8 +291,8 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         relief=relief_notes(result),
         relief_step=relief_text(units),
         table=partial(result_table, result=result),
-        value_text=partial(value_text, units=units),
-        spread_text=partial(spread_text, units=units),
+        value_text=partial(format_value, units=units),
+        spread_text=partial(format_sigma, units=units),
         learnt=describe_learnt_noise(result),
         uneven=collect_departures(result),
         height_text=height_text,
@@ -327,7 +327,7 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         method=method_facts(result),
         **_made_by(result),
         **select_rows(result),
-        **units_shown(result),
+        **make_unit_variables(result),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.naming import counted
+from uavgram.model.naming import format_count
 from uavgram.model.observations import Source
 from uavgram.model.result.result import Picture, Pictures, Region, Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
@@ -33,7 +33,7 @@ from uavgram.views.survey.outlines import (
     visible_runs,
 )
 from uavgram.views.survey.text_placement import TextRequest, box
-from uavgram.views.survey.top_view import used_labels
+from uavgram.views.survey.top_view import list_used_labels
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import round_bar, units_of
 
@@ -218,7 +218,7 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     """Lay out the pictures; return None if there are none."""
     if not pictures.shown:
         return None
-    drawn = _shared_content(result, [one.region for one in pictures.shown])
+    drawn = _collect_shared_content(result, [one.region for one in pictures.shown])
     first = _in_report(result, pictures)
     size = SIZES.get(len(first), "third")
     made: dict[str, list[PhotoPicture]] = {"overview": [], "first": [], "more": [], "point": []}
@@ -254,7 +254,7 @@ def _in_report(result: Result, pictures: Pictures) -> set[int]:
     return set(sorted(rows, key=lambda k: rank[pictures.shown[k].region.row])[:MAX_SHOWN])
 
 
-def _shared_content(result: Result, regions: Sequence[Region]) -> _SharedContent:
+def _collect_shared_content(result: Result, regions: Sequence[Region]) -> _SharedContent:
     picks, frames = result.picks, {region.frame for region in regions}
     image, status = np.array(picks.image), np.array(picks.status)
     removed_last = np.argsort(status == "removed", kind="stable")
@@ -342,7 +342,7 @@ def _words(
         ]
         sources = [result.picks.source[i] for i in made]
         who = PICKED_BY["hand" if "hand" in sources else sources[0]] if sources else ""
-        used = counted(len(result.points.frames[region.row]), "photo")
+        used = format_count(len(result.points.frames[region.row]), "photo")
         sigma = float(result.points.neighbour_sigma_m[region.row])
         near = f"; ± {size_text(sigma)} to its neighbours" if np.isfinite(sigma) else ""
         return label, f"{who}; used in {used}{near}"
@@ -403,7 +403,7 @@ def _name_picks(drawing: Drawing, result: Result, region: Region, rows: Sequence
 def _subject_labels(result: Result, region: Region) -> frozenset[str]:
     """Return the labels of a picture's subject; an overview has all that the result depends on."""
     if region.subject == "overview":
-        return used_labels(result)
+        return list_used_labels(result)
     if region.subject == "point":
         return frozenset((result.points.label[region.row],))
     return frozenset(result.measurements.points[region.row])

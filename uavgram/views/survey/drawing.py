@@ -192,7 +192,7 @@ class Drawing:
         (left, top), (right, bottom) = self.low, self.high
         return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
 
-    def named(self, name: str) -> list[Floats]:
+    def find_shapes(self, name: str) -> list[Floats]:
         """Return the lines, rings and middles of signs of a name."""
         return [line for one in self.shapes if one.name == name for line in one.lines]
 

@@ -91,7 +91,7 @@ def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:
 # Smaller departures do not deserve a picture.
 MIN_DEPARTURE_M = 5e-4
 # Sigmas by which at least one point must be off the plane: ordinary roughness is not shown.
-SURE = 3.0
+SHOWN_SIGMAS = 3.0
 # Quantile of their sizes at which colours are full: one large value does not pale all others.
 FULL_SHARE = 0.9
 
@@ -131,7 +131,7 @@ def collect_departures(result: Result) -> Departures | None:
     rows = np.flatnonzero(result.points.departs)
     value, sigma = result.points.departure_m[rows], result.points.departure_sigma_m[rows]
     size = np.abs(value)
-    if not (size > np.maximum(SURE * sigma, MIN_DEPARTURE_M)).any():
+    if not (size > np.maximum(SHOWN_SIGMAS * sigma, MIN_DEPARTURE_M)).any():
         return None
     full = max(float(np.quantile(size, FULL_SHARE)), MIN_DEPARTURE_M)
     return Departures(rows, value, sigma, full)
@@ -144,7 +144,7 @@ MAX_HEIGHT, MIN_HEIGHT = 200.0, 24.0
 HALF_DOT, HALF_BAR = 2.5, 1.5
 """Half sizes of the areas around points and bars without names."""
 GRID_LINES = 4
-WIDE = 1.959964
+INTERVAL_SIGMAS = 1.959964
 """Half of a 95 % interval, in sigmas."""
 
 DOT, BAR, LINE = 2.4, 2.4, 1.6
@@ -189,7 +189,7 @@ def profile_drawings(result: Result) -> tuple[ProfileDrawing, ...]:
 def _draw(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     profiles = result.profiles
     station, _, up, ground = profiles.place_m[rows].T
-    reach = WIDE * profiles.sigma_m[rows, 2]
+    reach = INTERVAL_SIGMAS * profiles.sigma_m[rows, 2]
     low = min((up - reach).min(), ground.min())
     high = max((up + reach).max(), ground.max())
     rise, run = max(high - low, 1e-6), max(float(np.ptp(station)), 1e-6)

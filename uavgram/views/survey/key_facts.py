@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.model.naming import counted
+from uavgram.model.naming import format_count
 from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import SOURCES, count_picks_by_source, is_only_by_program
@@ -24,7 +24,7 @@ from uavgram.views.formatting import (
     size_text,
 )
 from uavgram.views.survey.verdict import list_named_picks
-from uavgram.views.units import spread_text, units_of
+from uavgram.views.units import format_sigma, units_of
 
 FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
 
@@ -60,7 +60,7 @@ def frame_counts(result: Result) -> str:
     ]
     if not status["rejected"]:
         parts.append("none rejected")
-    return f"{counted(len(result.frames.frame_id), 'photo')}: {', '.join(parts)}"
+    return f"{format_count(len(result.frames.frame_id), 'photo')}: {', '.join(parts)}"
 
 
 def accuracy_words(result: Result) -> str:
@@ -69,7 +69,7 @@ def accuracy_words(result: Result) -> str:
     near = points.neighbour_sigma_m
     told = []
     if np.isfinite(near).any():
-        one = spread_text(float(np.nanmedian(near)), "m", units)
+        one = format_sigma(float(np.nanmedian(near)), "m", units)
         told.append(f"Distances between neighbouring points are known to about ± {one}.")
     if not points.label:
         return ""
@@ -77,7 +77,7 @@ def accuracy_words(result: Result) -> str:
         told.append("This survey has no tie to the earth: north is arbitrary, lengths are valid.")
     else:
         sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
-        place = spread_text(float(np.median(sigma)), "m", units)
+        place = format_sigma(float(np.median(sigma)), "m", units)
         where = "on the earth"
         if result.world.origin is None:
             where = "relative to the control points and lines, which define east and north,"

@@ -18,7 +18,7 @@ NICE_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 LINE_SAMPLES = 49
 
 
-def largest_known(values: Floats) -> float:
+def find_largest_finite(values: Floats) -> float:
     """Return the largest finite value; NaN if there is none."""
     known = values[np.isfinite(values)]
     return float(known.max()) if len(known) else float("nan")

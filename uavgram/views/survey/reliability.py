@@ -8,12 +8,12 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import compute_critical_value, compute_level
 from uavgram.model.arrays import Floats
-from uavgram.model.naming import counted, listed
+from uavgram.model.naming import format_count, join_names
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
 from uavgram.views.formatting import UNIT_WORDS, chance, number, order_computed_first
-from uavgram.views.units import spread_text, units_of
+from uavgram.views.units import format_sigma, units_of
 
 
 def significance_of(result: Result) -> float:
@@ -83,7 +83,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
                 f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
                 f"{links.what[i]} would move it by {number(abs(links.change[i]))} {unit}"
             )
-        unchecked = listed(links.unchecked[i], MAX_UNCHECKED)
+        unchecked = join_names(links.unchecked[i], MAX_UNCHECKED)
         table.append({"name": name, "weakest": weakest, "unchecked": unchecked})
     return table
 
@@ -209,15 +209,15 @@ def _errors_by_kind(result: Result, checks: ChecksOverall) -> Iterator[str]:
     units = units_of(result)
 
     def size(error_m: Floats) -> str:
-        return spread_text(float(np.sqrt(np.mean(np.square(error_m)))), "m", units)
+        return format_sigma(float(np.sqrt(np.mean(np.square(error_m)))), "m", units)
 
     lengths_m, points_m = result.line_checks.error_m, result.point_checks.error_m
     if len(lengths_m):
         percent = number(checks.mean_error_percent, 2)
-        yield f"{counted(len(lengths_m), 'length')} {size(lengths_m)} ({percent} % on average)"
+        yield f"{format_count(len(lengths_m), 'length')} {size(lengths_m)} ({percent} % on average)"
     if len(points_m):
         across, up = size(points_m[:, :2]), size(points_m[:, 2])
-        yield f"{counted(len(points_m), 'point')} {across} in east and north, {up} in height"
+        yield f"{format_count(len(points_m), 'point')} {across} in east and north, {up} in height"
 
 
 def _amount(value: float, unit: str) -> str:

@@ -20,7 +20,7 @@ from uavgram.stages.products.map_layers import (
     measured_strips,
     position_strips,
     reference_strips,
-    shown_poses,
+    select_shown_poses,
 )
 from uavgram.stages.products.text_places import Where
 from uavgram.views.formatting import measurement_text, number, order_worst_first
@@ -30,7 +30,7 @@ from uavgram.views.survey.heights import Departures, collect_departures
 from uavgram.views.survey.outlines import nice_factor
 from uavgram.views.survey.sheet import MAX_HEIGHT, WIDTH, Sheet, draw_frame, lay_sheet
 from uavgram.views.survey.text_placement import TextRequest, box, half_size
-from uavgram.views.units import INCH_M, convert_sentence, units_of, value_text
+from uavgram.views.units import INCH_M, convert_sentence, format_value, units_of
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MAX_ROOM = 0.3
@@ -108,16 +108,16 @@ class Layout(NamedTuple):
     ellipse_m: float
 
 
-def used_labels(result: Result) -> frozenset[str]:
+def list_used_labels(result: Result) -> frozenset[str]:
     """Return the labels of the points used by a measurement, a known quantity or a check."""
     lines, checks = result.lines, result.point_checks.label
     groups = (*result.measurements.points, *result.known.points)
     return frozenset((*lines.start, *lines.end, *checks)).union(*groups)
 
 
-def used_points(result: Result) -> Bools:
-    """Mark the (K,) points of `used_labels`; all points if there are none."""
-    used = used_labels(result)
+def mark_used_points(result: Result) -> Bools:
+    """Mark the (K,) points of `list_used_labels`; all points if there are none."""
+    used = list_used_labels(result)
     found = np.array([label in used for label in result.points.label], np.bool_)
     return found if found.any() else np.ones_like(found)
 
@@ -304,7 +304,7 @@ def _heights(result: Result) -> dict[int, str]:
     found = {}
     for k in off[np.argsort(-np.abs(height[off]), kind="stable")].tolist():
         sign = "+" if height[k] > 0 else ""
-        text = value_text(float(height[k]), float(points.height_sigma_m[k]), "m", units)
+        text = format_value(float(height[k]), float(points.height_sigma_m[k]), "m", units)
         found[k] = sign + text
     return found
 
@@ -356,7 +356,9 @@ def survey_texts(
     needed = len(shown) if len(shown) <= MANY_LINES else MAX_MEASURED
     for k, i in enumerate(shown if is_full else shown[:needed]):
         words = measurement_text(rows, i, units).value if is_full else ""
-        words = words or value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
+        words = words or format_value(
+            float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units
+        )
         text = f"{rows.name[i]}: {words}{DOUBT_MARK if doubt[i] else ''}"
         strip = sheet(measured[i])
         if rows.kind[i] in ENCLOSED:
@@ -371,7 +373,7 @@ def survey_texts(
         length_m = float(result.lines.length_m[i])
         length = convert_sentence(f"{length_m:.2f} m", units, exact=[length_m])
         if is_full:
-            length = value_text(length_m, float(result.lines.sigma_m[i]), "m", units)
+            length = format_value(length_m, float(result.lines.sigma_m[i]), "m", units)
         ink = LOOKS["known_lengths"].colour_of(result.lines.status[i])
         text = f"{result.lines.name[i]}: {length}"
         texts.append(_along(drawing, sheet(strip), text, "known", ink, where))
@@ -489,7 +491,7 @@ class KeyPlan:
 
 def key_plan(result: Result) -> KeyPlan | None:
     """Lay out the drawing; return None if no photo has a pose."""
-    rows, poses = shown_poses(result)
+    rows, poses = select_shown_poses(result)
     if not len(rows):
         return None
     adjusted = result.has_refined[rows]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.naming import counted
+from uavgram.model.naming import format_count
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
@@ -80,7 +80,7 @@ def verdict_sentence(result: Result) -> str:
     why = [reason_sentence(reason) for reason in reasons[:1]]
     known = f": {_known(result)}" if level in ("green", "amber") else "."
     if (more := len(reasons) - 1) > 0:
-        why.append(f"(And {counted(more, 'other reason')}.)")
+        why.append(f"(And {format_count(more, 'other reason')}.)")
     return " ".join([f"Verdict: {LEVEL_WORDS[level]}{known}", *why])
 
 

@@ -153,7 +153,7 @@ def test_no_base_is_made_of_the_noise_of_a_camera_that_hovers(hovering: TiedFlig
 
 def test_cameras_far_apart_have_no_turn_in_common() -> None:
     sightings = tied_flight(Conditions(photos=4, tilt_deg=40.0, seed=2)).sightings
-    one, other = sightings.of_pair(0, 3)
+    one, other = sightings.find_shared_rows(0, 3)
 
     assert estimate_rotation(sightings.ray[one], sightings.ray[other]) is None
 

@@ -63,7 +63,7 @@ def test_control_points_teach_the_scale_of_each_tape(scene_factory: Make) -> Non
     scene = read_on_tapes(scene, {"": 0.004, "red": -0.006}, sigma=0.01)
     found = adjusted(scene)
     layout = found.problem.layout
-    sigma = np.sqrt(np.diag(found.shared(layout.first_tape, layout.tape)))
+    sigma = np.sqrt(np.diag(found.shared_covariance(layout.first_tape, layout.tape)))
 
     assert (sigma < 0.003).all()
     assert (np.abs(found.state.tape - scene.truth.tape) < 3.0 * sigma).all()
@@ -90,7 +90,7 @@ def test_without_anything_else_the_scale_is_its_prior_and_in_every_sigma(
     (length, sigma), (_, without) = lengths(found), lengths(exact)
     at = found.problem.layout.first_tape
     assert found.state.tape[0] == pytest.approx(0.0, abs=1e-7)
-    assert np.sqrt(found.shared(at, 1)[0, 0]) == pytest.approx(0.004, rel=1e-6)
+    assert np.sqrt(found.shared_covariance(at, 1)[0, 0]) == pytest.approx(0.004, rel=1e-6)
     np.testing.assert_allclose(sigma, np.hypot(without, 0.004 * length), rtol=1e-3)
     # a check on a tape that no used length was read on errs by that tape's own scale too
     _, of_other = found.readings(plain)

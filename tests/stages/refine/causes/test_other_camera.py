@@ -43,7 +43,7 @@ def diagnosis(survey: Survey, *, misplaced: bool) -> Diagnosis:
     """The survey adjusted, with or without the picks of f2 as they contradict the rest."""
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
-    taking = taking.without_frame(2, MISPLACED) if misplaced else taking
+    taking = taking.leave_out_frame(2, MISPLACED) if misplaced else taking
     return Diagnosis(taking, find_best_minima(taking))
 
 
@@ -123,7 +123,9 @@ def test_another_zoom_is_said_and_distances_are_right(factor: float) -> None:
     problem, layout = adjustment.problem, adjustment.problem.layout
     focal = problem.intrinsics(adjustment.state)[0]
     basis = problem.intrinsic_basis[0]
-    variance = basis @ adjustment.shared(layout.first_intrinsic, layout.intrinsics) @ basis
+    variance = (
+        basis @ adjustment.shared_covariance(layout.first_intrinsic, layout.intrinsics) @ basis
+    )
     true = scene.survey.calibration.parameters[0]
     assert abs(focal - true) < 3.0 * np.sqrt(variance)
     check_distance(scene, refined)

@@ -27,7 +27,7 @@ def without_the_photo(survey: Survey) -> Diagnosis:
     """The survey adjusted without all picks of f2, as they contradict the rest."""
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
-    taking = taking.without_frame(2, MISPLACED)
+    taking = taking.leave_out_frame(2, MISPLACED)
     return Diagnosis(taking, find_best_minima(taking))
 
 

@@ -53,13 +53,13 @@ class TiedRays(FrozenArrays):
             points=self.points,
         )
 
-    def shared(self) -> Ints:
+    def count_shared_points(self) -> Ints:
         """Count (F, F) points that two frames have in common."""
         ones = np.ones(len(self.frame), dtype=np.int64)
         seen = csr_array((ones, (self.frame, self.point)), shape=(self.frames, self.points))
         return np.asarray((seen @ seen.T).todense())
 
-    def of_pair(self, first: int, second: int) -> tuple[Ints, Ints]:
+    def find_shared_rows(self, first: int, second: int) -> tuple[Ints, Ints]:
         """Return (m,), (m,) rows of the points that two frames share, in the same order."""
         one, other = np.flatnonzero(self.frame == first), np.flatnonzero(self.frame == second)
         _, at_one, at_other = np.intersect1d(

@@ -26,7 +26,7 @@ def compute_essential_matrices(first: Floats, second: Floats) -> Floats:
     Nister 2004, "An efficient solution to the five-point relative pose problem". It holds for
     points in a plane too.
     """
-    pairs = zip(_to_image(first), _to_image(second), strict=True)
+    pairs = zip(_project_rays(first), _project_rays(second), strict=True)
     found = [cv2.findEssentialMat(one, other, np.eye(3))[0] for one, other in pairs]
     # A sample has no solution, or several one below the other.
     stacked = [np.zeros((0, 3)), *(one for one in found if one is not None)]
@@ -49,7 +49,7 @@ def solve_three_points(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
         (S, 3, 3) rays to them, in the camera, forward (z > 0).
     """
     turns, shifts = [], []
-    for points, image in zip(world, _to_image(ray), strict=True):
+    for points, image in zip(world, _project_rays(ray), strict=True):
         _, turn, shift = cv2.solveP3P(points, image, np.eye(3), None, cv2.SOLVEPNP_P3P)
         turns += [cv2.Rodrigues(one)[0] for one in turn]
         shifts += list(shift)
@@ -59,6 +59,6 @@ def solve_three_points(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
     return center[solved], rotation[solved]
 
 
-def _to_image(ray: Floats) -> Floats:
+def _project_rays(ray: Floats) -> Floats:
     """Return (..., 2) x and y of rays at z = 1."""
     return np.ascontiguousarray(ray[..., :2] / ray[..., 2:])

@@ -387,7 +387,7 @@ def _choose_rows(sightings: TiedRays) -> Ints:
 
 def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
     """Return initial pairs with parallax, best first, without common frames if possible."""
-    shared = np.triu(sightings.shared(), 1)
+    shared = np.triu(sightings.count_shared_points(), 1)
     first, second = np.nonzero(shared >= MIN_SHARED_POINTS)
     if not len(first):
         return []
@@ -408,7 +408,7 @@ def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
 
 def _parallax(sightings: TiedRays, first: int, second: int) -> float:
     """Compute the typical angle between the rays of two frames after the best rotation [rad]."""
-    one, other = sightings.of_pair(first, second)
+    one, other = sightings.find_shared_rows(first, second)
     return find_best_turn(sightings.ray[one], sightings.ray[other]).miss_rad
 
 
@@ -416,7 +416,7 @@ def _start_scenes(
     sightings: TiedRays, first: int, second: int, rng: np.random.Generator
 ) -> list[Scene]:
     """Return scenes of two frames, the first at the origin, at distance one."""
-    one, other = sightings.of_pair(first, second)
+    one, other = sightings.find_shared_rows(first, second)
     scenes = []
     for pose in estimate_relative_poses(sightings.ray[one], sightings.ray[other], rng):
         center, rotation = _empty_scene(sightings.frames)

@@ -59,7 +59,7 @@ def transfer_poses(center: Floats, rotation: Floats, sightings: TiedRays) -> tup
         Shared points.
     """
     center, rotation = center.copy(), rotation.copy()
-    shared = sightings.shared()
+    shared = sightings.count_shared_points()
     placed = np.isfinite(center[:, 0])
     tried = np.zeros_like(shared, dtype=np.bool_)
     while True:
@@ -68,7 +68,7 @@ def transfer_poses(center: Floats, rotation: Floats, sightings: TiedRays) -> tup
         if count[known, new] < MIN_POINTS:
             return center, rotation
         tried[known, new] = True
-        one, other = sightings.of_pair(int(new), int(known))
+        one, other = sightings.find_shared_rows(int(new), int(known))
         turn = estimate_rotation(sightings.ray[one], sightings.ray[other])
         if turn is not None:
             center[new], rotation[new] = center[known], rotation[known] @ turn

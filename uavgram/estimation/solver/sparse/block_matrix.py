@@ -178,7 +178,7 @@ class BlockMatrix:
         ]
         return np.concatenate([*own, np.diag(self.border)])
 
-    def scaled(self, scale: Floats, damping: float = 0.0) -> BlockMatrix:
+    def scale_and_damp(self, scale: Floats, damping: float = 0.0) -> BlockMatrix:
         """Compute diag(scale) A diag(scale), with `damping` added to its diagonal."""
         point, block, border = (s[..., 0] for s in self.pattern.structure.split(scale[:, None]))
         node = (point, block)
@@ -341,7 +341,7 @@ class Assembly:
 def _add_border(
     matrix: BlockMatrix, part: Part, rows: Floats, coupled: list[GroupedProducts]
 ) -> None:
-    used, border = part.used, part.by_border(rows)
+    used, border = part.used, part.select_border_columns(rows)
     flat = border.reshape(-1, len(used))
     matrix.border[used[:, None], used] += flat.T @ flat
     for segment, sums in zip(part.segments, coupled, strict=True):

@@ -4,10 +4,10 @@ Duff and Reid 1983, "The multifrontal solution of indefinite sparse symmetric li
 inverse on the pattern of the factor after Takahashi, Fagan and Chen 1973, front by front. Each
 front is a few dense BLAS calls, so a survey of thousands of frames costs a few hundred.
 
-Points that no length joins to another are coupled only with frames and shared unknowns: they are
-eliminated by their own small blocks (Schur complement; Brown 1958 for photogrammetry). The
-remaining unknowns, frames, points with lengths and the shared border, go to the multifrontal
-factorisation. Only the part of the inverse on the pattern of the normal matrix is computed.
+1. Points without a length to another point are coupled only with frames and shared unknowns. They
+   are eliminated by their own small blocks (Schur complement; Brown 1958 for photogrammetry).
+2. The remaining unknowns (frames, points with lengths, shared unknowns) are factorised by fronts.
+3. Only the part of the inverse on the pattern of the normal matrix is computed.
 
 Reasons for own code: sparse LU (SuperLU) took 4 to 8 times as long and gives no selected inverse, a
 dense Schur complement 4 and 15 times as long at 300 and 500 frames, a general bundle adjuster
@@ -133,7 +133,7 @@ class Multifrontal:
         fronts = list(zip(self._ordering.fronts, self._lower, self._below, strict=True))
         if among is not None:
             # Other fronts neither change these unknowns nor are changed by the right-hand sides.
-            fronts = [fronts[k] for k in self._ordering.with_ancestors(among)]
+            fronts = [fronts[k] for k in self._ordering.find_fronts_and_ancestors(among)]
         # Forward substitution, from the leaves to the root.
         for front, lower, below in fronts:
             if front.own:
@@ -256,7 +256,7 @@ class Symbolic:
             ]
         )
 
-    def reduced_to(self, among: Ints) -> Ints:
+    def find_reduced_unknowns(self, among: Ints) -> Ints:
         """Return the kept unknowns among some unknowns, and those of blocks that see their points.
 
         As positions in the reduced matrix.
@@ -368,7 +368,9 @@ class SparseFactor:
         # Reduced right-hand side: b_c - B^T A^-1 b_p.
         symbolic.by_block.add(block, self._gain, -point)
         border -= _contract(self._border_gain, point)
-        found = self._front.solve(reduced, None if among is None else symbolic.reduced_to(among))
+        found = self._front.solve(
+            reduced, None if among is None else symbolic.find_reduced_unknowns(among)
+        )
         _, block, border = symbolic.reduced.structure.split(found)
         # Back substitution of the points: A^-1 (b_p - B x_c).
         own = self._inverse @ point - self._border_gain @ border
@@ -397,10 +399,12 @@ class SparseFactor:
             for start in range(0, len(views.point), step):
                 part = slice(start, start + step)
                 some = _Views(views.point[part], views.entry[part], views.pair[part])
-                self._eliminated(some, reduced, inverse)
+                self._compute_eliminated_covariances(some, reduced, inverse)
         return inverse
 
-    def _eliminated(self, views: _Views, reduced: BlockMatrix, inverse: BlockMatrix) -> None:
+    def _compute_eliminated_covariances(
+        self, views: _Views, reduced: BlockMatrix, inverse: BlockMatrix
+    ) -> None:
         """Compute covariances of eliminated points, their own and with the coupled nodes.
 
         With G = A^-1 B: S_pc = -G S_cc, S_pp = A^-1 + G S_cc G^T.

@@ -97,7 +97,7 @@ class Ordering:
         self.fronts = self._fronts(own, [node.parent for node in trees], rank)
         self.stacks = _make_stacks(self.fronts)
 
-    def with_ancestors(self, unknowns: Ints) -> list[int]:
+    def find_fronts_and_ancestors(self, unknowns: Ints) -> list[int]:
         """Return the positions of the fronts that own these unknowns, and of their ancestors."""
         wanted = np.zeros(len(self.order), dtype=np.bool_)
         wanted[unknowns] = True

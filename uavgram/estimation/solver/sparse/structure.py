@@ -67,7 +67,7 @@ class Structure:
         first = (0, self.first_block)[kind]
         return first + node[:, None] * self.sizes[kind] + np.arange(self.sizes[kind])
 
-    def shared(self, columns: Ints) -> bool:
+    def is_border(self, columns: Ints) -> bool:
         """Return whether all of these unknowns belong to the border."""
         return bool((columns >= self.first_shared).all())
 
@@ -140,7 +140,7 @@ class Part:
     used: Ints
     place: Ints | None
 
-    def by_border(self, jacobian: Floats) -> Floats:
+    def select_border_columns(self, jacobian: Floats) -> Floats:
         """Return the (n, r, u) Jacobian by the border's unknowns that occur."""
         given = jacobian[:, :, self.shared]
         return given if self.place is None else add_columns(given, self.place, len(self.used))

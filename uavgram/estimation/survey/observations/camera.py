@@ -58,7 +58,7 @@ class Calibration(Observation):
         sigma = np.ones(layout.intrinsics)
         return make_independent_prior(state.intrinsic, sigma, layout.first_intrinsic)
 
-    def tested(self, block: Block) -> Block:
+    def arrange_for_tests(self, block: Block) -> Block:
         """Arrange the combinations as one observation of correlated parameters."""
         n = len(block.residual)
         return Block(block.residual.reshape(1, n), block.columns.reshape(1, n), np.eye(n)[None])

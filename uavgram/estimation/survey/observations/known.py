@@ -73,12 +73,12 @@ class KnownRows(NamedTuple):
     def block(self) -> Block:
         """Return a group of observations of one number each; correlated ones are decorrelated."""
         return Block(
-            self.whitened(self.value)[:, None],
+            self.whiten(self.value)[:, None],
             self.columns,
-            self.whitened(self.gradient)[:, None],
+            self.whiten(self.gradient)[:, None],
         )
 
-    def whitened(self, of_rows: Floats) -> Floats:
+    def whiten(self, of_rows: Floats) -> Floats:
         """Divide numbers (R, ...) of the rows by their standard deviations."""
         scaled = of_rows / self.sigma.reshape(-1, *(1,) * (of_rows.ndim - 1))
         # Correlated rows: multiply by the inverse root of their covariance.
@@ -216,7 +216,7 @@ class Known(Observation):
         """Draw the values; conditions and lines of position keep their residuals."""
         known = stated.known
         value, row = known.value.copy(), truth.problem.survey.row_of_label
-        seen = (known.seen_thing(i, row) for i in range(len(known.name)))
+        seen = (known.get_seen_thing(i, row) for i in range(len(known.name)))
         things = [one for one in seen if one is not None and ALL_KINDS[one.kind].has_value]
         if things:
             rows = compute_known_rows(truth.problem, truth.state, things)
@@ -228,21 +228,21 @@ class Known(Observation):
     def rows(self, state: State) -> Block | None:
         """Compute the residuals of all known things."""
         if state.plane.ndim == 1:
-            return self._found(state).block()
-        each = [self._found(one).block() for one in unstack(state)]
+            return self._compute_rows(state).block()
+        each = [self._compute_rows(one).block() for one in unstack(state)]
         residual, jacobian = np.stack([b.residual for b in each]), [b.jacobian for b in each]
         return Block(residual, each[0].columns, np.stack(jacobian))
 
-    def _found(self, state: State) -> KnownRows:
+    def _compute_rows(self, state: State) -> KnownRows:
         return compute_known_rows(self.problem, state, self.problem.known)
 
     def sigma(self, found: Minimum[State]) -> Floats:
         """Return the (R, 1) standard deviations, each in its unit."""
-        return self._found(found.state).sigma[:, None]
+        return self._compute_rows(found.state).sigma[:, None]
 
     def residuals(self, found: Minimum[State]) -> Floats:
         """Return the (R, 1) residuals, each in its unit; whitening would mix correlated rows."""
-        return self._found(found.state).value[:, None]
+        return self._compute_rows(found.state).value[:, None]
 
     def things(self) -> Ints | None:
         """Return the (R,) thing of each row: several rows may be of one."""
@@ -250,8 +250,8 @@ class Known(Observation):
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
         """Yield the derivatives by the heights of the points of each row, one after the other."""
-        rows = self._found(found.state)
-        by_up = rows.whitened(rows.by_up)
+        rows = self._compute_rows(found.state)
+        by_up = rows.whiten(rows.by_up)
         for k in range(rows.label.shape[1]):
             yield rows.label[:, k], by_up[:, [k]]
 
@@ -262,14 +262,14 @@ class Known(Observation):
     def _labels(self, row: int) -> tuple[str, ...]:
         return tuple(self.problem.survey.label[k] for k in self.thing(row).label)
 
-    def named(self, row: int) -> str:
+    def describe(self, row: int) -> str:
         """Return ``right angle 'corner' ('A', 'B', 'C')``."""
         thing = self.thing(row)
         return describe_thing(thing.kind, thing.name, self._labels(row))
 
     def title(self, member: Member) -> str:
         """Return ``known right angle 'corner' ('A', 'B', 'C')``."""
-        return f"known {self.named(member.row)}"
+        return f"known {self.describe(member.row)}"
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Return the unit of its value and sigma, which is that of its errors."""
@@ -290,7 +290,7 @@ class Known(Observation):
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a known thing that does not fit."""
-        thing, what = self.thing(found.member.row), self.named(found.member.row)
+        thing, what = self.thing(found.member.row), self.describe(found.member.row)
         how = f"{describe_departure(thing, found.off)} (w = {found.w:.1f})"
         given = "value" if thing.position is None else "coordinates"
         return (
@@ -314,7 +314,7 @@ def describe_departure(thing: KnownThing, off: Floats) -> str:
     size = float(off[0]) if len(off) == 1 else float(np.linalg.norm(off))
     if not kind.has_value:
         return f"off by {abs(size):.3f} {kind.unit}"
-    adjusted = kind.adjusted(thing, size)
+    adjusted = kind.compute_adjusted_value(thing, size)
     return f"given {thing.value:.3f} {kind.unit}, adjusted {adjusted:.3f} {kind.unit}"
 
 

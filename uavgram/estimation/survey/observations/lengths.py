@@ -31,7 +31,7 @@ from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Remedy, propose_length_removal
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import KnownLines
 from uavgram.model.survey import Survey
 
@@ -190,7 +190,7 @@ class Lengths(Observation):
         yield taped.end, slope[:, None]
         yield taped.start, -slope[:, None]
 
-    def named(self, row: int) -> str:
+    def describe(self, row: int) -> str:
         """Return ``'L2' ('R3' to 'R4')``."""
         survey, line = self.problem.survey, self.problem.line_index[row]
         start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
@@ -198,7 +198,7 @@ class Lengths(Observation):
 
     def title(self, member: Member) -> str:
         """Return ``length 'L2' ('R3' to 'R4')``."""
-        return f"length {self.named(member.row)}"
+        return f"length {self.describe(member.row)}"
 
     def subjects(self, row: int) -> Subjects:
         """Return its name and the labels of its ends."""
@@ -214,7 +214,7 @@ class Lengths(Observation):
         # Without the length the rest shows its reading plus the estimated error w sigma / sqrt(r).
         error = abs(found.w) * survey.length_sigma_m[line] / np.sqrt(found.redundancy)
         rest = taped + np.copysign(error, found.off[0])
-        what = self.named(found.member.row)
+        what = self.describe(found.member.row)
         how = f"taped {taped:.3f} m, the rest shows {rest:.3f} m (w = {found.w:.1f})"
         return (
             f"The length {what} does not fit: {how}. Look at the reading, at its ends and at their "
@@ -243,21 +243,21 @@ class TapeScales(Observation):
         sigma = np.array([self.problem.survey.scale_sigma_of(tape) for tape in tapes])
         return make_independent_prior(state.tape, sigma, self.problem.layout.first_tape)
 
-    def named(self, row: int) -> str:
+    def describe(self, row: int) -> str:
         """Return ``the tape``, or ``the tape 'red'``."""
         name = self.problem.tapes[row]
         return f"the tape {name!r}" if name else "the tape"
 
     def axis(self, member: Member) -> str:
         """Return ``scale of the tape 'red'``."""
-        return f"scale of {self.named(member.row)}"
+        return f"scale of {self.describe(member.row)}"
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a tape that is longer or shorter than stated."""
         # Without its prior the scale would be the estimate divided by the prior's redundancy.
         free = found.off[0] / found.redundancy
-        what = self.named(found.member.row)
-        size, side = f"{figures(100.0 * abs(free))} %", "long" if free > 0 else "short"
+        what = self.describe(found.member.row)
+        size, side = f"{format_digits(100.0 * abs(free))} %", "long" if free > 0 else "short"
         return (
             f"By all that does not rest on it, {what} seems to be {size} too {side}: compare it "
             f"with another one, or state how good it is (tape: scale_sigma; w = {found.w:.1f}).",

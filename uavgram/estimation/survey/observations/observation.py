@@ -230,7 +230,7 @@ class Observation:
         """Return (n, r, a) matrices that whiten errors of correlated numbers; None: independent."""
         return None
 
-    def tested(self, block: Block) -> Block:
+    def arrange_for_tests(self, block: Block) -> Block:
         """Arrange the rows for the tests."""
         return block
 

@@ -150,7 +150,7 @@ class Pixels(Observation):
         survey = self.problem.survey
         every = np.concatenate([state.point, state.picked], axis=-2)
         own = every[..., self._point, :]
-        world, d_point, d_plane = self.problem.placed(state, own, survey.pick_label)
+        world, d_point, d_plane = self.problem.place_points(state, own, survey.pick_label)
         to_camera = (state.center[..., survey.pick_frame, :] - world)[..., self._from_above, :]
         # Height of the camera over the tangent plane of the ground at the point.
         slope = d_point[..., self._from_above, 2, :2]
@@ -181,7 +181,7 @@ class Pixels(Observation):
         rise = np.sum(off * truth.slope, axis=1, keepdims=True)
         beside = truth.place_m + np.concatenate([off, rise], axis=1)
         place = np.where(again.of_source("target")[:, None], truth.place_m[k], beside[k])
-        again = replace(again, pixel_px=truth.seen(f, place) + noise, sigma_px=sigma)
+        again = replace(again, pixel_px=truth.project_places(f, place) + noise, sigma_px=sigma)
         return replace(stated, picks=again)
 
     @cached_property

@@ -57,14 +57,14 @@ class Projections:
 
     def jacobian(self) -> Floats:
         """Compute the (..., n, 2, k) derivatives of the pixels."""
-        return self._by_unknowns(self.by_camera, self.by_lens)
+        return self._derive_by_unknowns(self.by_camera, self.by_lens)
 
-    def pulled(self, along: Floats) -> Floats:
+    def multiply_transposed(self, along: Floats) -> Floats:
         """Compute (..., n, k) derivatives of sums of both coordinates with weights (..., n, 2)."""
         rows = along[..., None, :]
-        return self._by_unknowns(rows @ self.by_camera, rows @ self.by_lens)[..., 0, :]
+        return self._derive_by_unknowns(rows @ self.by_camera, rows @ self.by_lens)[..., 0, :]
 
-    def _by_unknowns(self, by_camera: Floats, by_lens: Floats) -> Floats:
+    def _derive_by_unknowns(self, by_camera: Floats, by_lens: Floats) -> Floats:
         """Compute (..., n, r, k) from (..., n, r, 3) and (..., n, r, P)."""
         by_world = by_camera @ self.camera_from_world
         # One matrix product for all rows: a stacked product would compute one for each.
@@ -105,9 +105,9 @@ class SightedBlock(Block):
         """(..., n, 2, k) derivatives of the whitened residuals."""
         return self._sights.jacobian() * self._weight[:, None, None]
 
-    def pulled(self, along: Floats) -> Floats:
+    def multiply_transposed(self, along: Floats) -> Floats:
         """Multiply (..., n, 2) by the Jacobian, to (..., n, k)."""
-        return self._sights.pulled(along * self._weight[:, None])
+        return self._sights.multiply_transposed(along * self._weight[:, None])
 
 
 if TYPE_CHECKING:

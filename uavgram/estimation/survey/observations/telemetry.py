@@ -212,7 +212,7 @@ TELEMETRY_PARTS = {
 """Slice of each of these among the unknowns that all frames of a log share."""
 
 
-def _shared(name: str, words: str, unit: str, axes: str, ways: str = "") -> Kind:
+def _make_shared_kind(name: str, words: str, unit: str, axes: str, ways: str = "") -> Kind:
     every = tuple(f"{axes} {way}" for way in ways.split()) or (axes,)
     return Kind(name, FLIGHT_LOG, words, axes=every, units=(unit,) * len(every))
 
@@ -221,13 +221,15 @@ class FlightPrior(Prior):
     """Priors of the unknowns that all frames of a log share."""
 
     kinds: ClassVar[tuple[Kind, ...]] = (
-        _shared("boresight", "camera against its mount", "deg", "boresight", "x y z"),
-        _shared("lever_arm", "autopilot to camera", "m", "lever arm", "forward right down"),
-        _shared(
+        _make_shared_kind("boresight", "camera against its mount", "deg", "boresight", "x y z"),
+        _make_shared_kind(
+            "lever_arm", "autopilot to camera", "m", "lever arm", "forward right down"
+        ),
+        _make_shared_kind(
             "position_bias", "offset of the log's positions", "m", "position bias", "east north up"
         ),
-        _shared("heading_bias", "offset of the log's heading", "deg", "heading bias"),
-        _shared("clock", "camera clock", "s", "clock offset"),
+        _make_shared_kind("heading_bias", "offset of the log's heading", "deg", "heading bias"),
+        _make_shared_kind("clock", "camera clock", "s", "clock offset"),
     )
 
     def is_part(self) -> bool:
@@ -252,7 +254,7 @@ class ClockDriftPrior(FlightPrior):
     most often one of another cause. Therefore no message names the clock as the cause.
     """
 
-    kinds = (_shared("clock_drift", "drift of the camera clock", "ppm", "clock drift"),)
+    kinds = (_make_shared_kind("clock_drift", "drift of the camera clock", "ppm", "clock drift"),)
 
     def suspect(self, member: Member) -> str:
         """Return a name that does not mention the clock."""

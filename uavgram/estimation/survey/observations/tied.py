@@ -91,7 +91,9 @@ class Matches(Observation):
         patch = (center + reach[:, None] * ray)[row]
         noise = picks.sigma_px[found, None] * truth.rng.standard_normal((len(found), 2))
         pixel, from_px = picks.pixel_px.copy(), picks.from_px.copy()
-        pixel[found] = truth.seen(np.array([frame[picks.image[i]] for i in found]), patch) + noise
+        pixel[found] = (
+            truth.project_places(np.array([frame[picks.image[i]] for i in found]), patch) + noise
+        )
         from_px[found] = picks.pixel_px[origin]
         return replace(stated, picks=replace(picks, pixel_px=pixel, from_px=from_px))
 
@@ -113,7 +115,7 @@ class Matches(Observation):
     def rows(self, state: State) -> Block | None:
         """Predict the pixels; None if a point is not in front of its camera."""
         own = state.tie[..., self.problem.survey.matches.point, :]
-        placed = self.problem.placed(state, own, self._label)
+        placed = self.problem.place_points(state, own, self._label)
         return compute_sighting_rows(self.problem, state, self._seen, placed)
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
@@ -137,7 +139,7 @@ class Ties(Observation):
         survey, ties = truth.problem.survey, stated.ties
         row, sigma = survey.ties.row, ties.sigma_px[survey.ties.row]
         place = truth.state.tie[survey.matches.points + survey.ties.point][:, :3]
-        pixel = truth.seen(survey.ties.frame, place.reshape(-1, 3))
+        pixel = truth.project_places(survey.ties.frame, place.reshape(-1, 3))
         again = TiePicks(
             image=tuple(ties.image[i] for i in row),
             tie=tuple(ties.tie[i] for i in row),

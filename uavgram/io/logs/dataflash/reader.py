@@ -20,7 +20,7 @@ from uavgram.errors import InputError
 from uavgram.geometry.gps_time import utc_from_gps
 from uavgram.input_files import read_bytes
 from uavgram.io.logs.boots import ANY_CODE, StatedResets, Table, build_log
-from uavgram.io.logs.camera_events import events_of, gimbal_from_angles, image_numbers
+from uavgram.io.logs.camera_events import build_events, gimbal_from_angles, image_numbers
 from uavgram.io.logs.dataflash.tables import (
     Columns,
     Tables,
@@ -28,7 +28,7 @@ from uavgram.io.logs.dataflash.tables import (
     index_binary,
     index_text,
 )
-from uavgram.io.logs.messages import Found, Messages, Row, Topic, as_numbers
+from uavgram.io.logs.messages import Found, Messages, Row, Topic, convert_to_numbers
 from uavgram.io.logs.samples import clock_samples, find_plausible_rows, find_restarts, is_height
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight_log import CameraEvents, FlightLog, GimbalSamples, MessageCount
@@ -59,7 +59,7 @@ class BootMessages(Messages):
     @cached_property
     def _core(self) -> int:
         for name in ("XKF4", "NKF4"):
-            cores = as_numbers(self._tables.columns(name).get("PI", np.zeros(0)))
+            cores = convert_to_numbers(self._tables.columns(name).get("PI", np.zeros(0)))
             cores = cores[(cores >= 0) & (cores < 8)].astype(np.int64)
             if len(cores):
                 return int(np.bincount(cores).argmax())
@@ -78,7 +78,7 @@ def _boot_time_s(columns: Columns) -> Floats:
     """Return (N,) seconds since boot: TimeUS, before ArduPilot 3.3 T (of GPS) or TimeMS."""
     for name, unit_s in (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3)):
         if name in columns:
-            return as_numbers(columns[name]) * unit_s
+            return convert_to_numbers(columns[name]) * unit_s
     rows = len(next(iter(columns.values()))) if columns else 0
     return np.full(rows, np.nan)
 
@@ -172,7 +172,7 @@ def _origins(messages: BootMessages, kind: int) -> Topic | None:
 _ORIGIN, _HOME = partial(_origins, kind=0), partial(_origins, kind=1)
 
 
-def _placed(messages: BootMessages) -> Topic | None:
+def _convert_offsets(messages: BootMessages) -> Topic | None:
     """Convert the estimator's offsets from its origin to latitude, longitude and altitude.
 
     With ArduPilot's own scale, with which the offsets were made (libraries/AP_Common/Location.cpp,
@@ -219,7 +219,7 @@ def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
     speaks = np.any(np.isfinite(angles), axis=0)
     if not speaks.any():
         return None, ()
-    mine, notes = _of_one_mount(topic, speaks)
+    mine, notes = _select_mount(topic, speaks)
     roll, pitch, earth, vehicle = (column[mine] for column in angles)
     # yaw from north, if known in at least as many rows as yaw from the nose
     known, nose = int(np.isfinite(earth).sum()), int(np.isfinite(vehicle).sum())
@@ -239,7 +239,7 @@ def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
     return samples, notes
 
 
-def _of_one_mount(topic: Topic, speaks: Bools) -> tuple[Bools, tuple[str, ...]]:
+def _select_mount(topic: Topic, speaks: Bools) -> tuple[Bools, tuple[str, ...]]:
     """Return (N,) rows of the mount with most valid rows, and remarks on the others."""
     if "I" not in topic.fields:
         return speaks, ()
@@ -270,7 +270,7 @@ def _events(messages: BootMessages) -> Found[CameraEvents]:
     missed = ~np.isin(trig_number, cam_number) | (trig_number < 0)
     present = [name for name, has in (("TRIG", trig_time), ("CAM", cam_time)) if len(has)]
     instant: Literal["feedback", "command"] = "feedback" if len(present) == 2 else "command"
-    events, remarks = events_of(
+    events, remarks = build_events(
         "+".join(present),
         instant,
         (cam_time, cam_number, np.ones(len(cam_time))),
@@ -293,16 +293,16 @@ def _shots(messages: BootMessages, name: str) -> tuple[Floats, Ints, tuple[str, 
         notes = (f"{name} is of cameras {held}; number {cameras[0]:.0f} was used",)
     time = topic.time_s
     if not any(field in topic.fields for field in ("TimeUS", "TimeMS", "T")):
-        time = _by_gps_time(messages, topic)
+        time = _compute_boot_times(messages, topic)
         remark = "carries no boot time (firmware before 3.3): placed by GPS time, up to 0.2 s early"
         notes = (*notes, f"{name} {remark}")
     rows = find_plausible_rows(time, np.ones(len(time), dtype=bool))
     return time[rows], image_numbers(topic.column("Img", "Image"))[rows], notes
 
 
-def _by_gps_time(messages: BootMessages, topic: Topic) -> Floats:
+def _compute_boot_times(messages: BootMessages, topic: Topic) -> Floats:
     """Return (N,) boot times of rows with the GPS time of the last fix; NaN where unknown."""
-    stated = _CLOCK.stated(messages)
+    stated = _CLOCK.read_values(messages)
     clock = None if stated is None else clock_samples(stated)
     if clock is None:
         return np.full(len(topic.time_s), np.nan)
@@ -323,7 +323,7 @@ _CLOCK = Row(_gps_time, ("utc_s",))
 TABLE = Table(
     positions=(
         Row("POS", (*_PLACE, _ABOVE_HOME)),
-        Row(_placed, _PLACE),
+        Row(_convert_offsets, _PLACE),
         Row(_receiver, (*_PLACE, _ABOVE_HOME), source="GPS", remark=_LAGGING),
     ),
     receiver=(Row(_receiver, (*_PLACE, _ABOVE_HOME), source="GPS"),),

@@ -99,7 +99,7 @@ class Format:
         dtype = _record_type(self.fields, self.characters)
         return dtype if dtype is not None and dtype.itemsize + 3 == self.length else None
 
-    def decoded(self, data: NDArray[np.uint8], starts: NDArray[np.int64]) -> Columns:
+    def decode(self, data: NDArray[np.uint8], starts: NDArray[np.int64]) -> Columns:
         """Return every field as a column, scaled according to its format character.
 
         Parameters
@@ -116,12 +116,12 @@ class Format:
         room = len(data) - self.length + 1
         records = np.ndarray((room,), dtype, data, offset=3, strides=(1,))[starts]
         return {
-            field: _scaled(records[field], _NUMPY_TYPES[c][1])
+            field: _divide(records[field], _NUMPY_TYPES[c][1])
             for field, c in zip(self.fields, self.characters, strict=True)
         }
 
 
-def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
+def _divide(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
     return np.ascontiguousarray(raw) if divisor is None else raw / divisor
 
 
@@ -132,7 +132,7 @@ Logs of 2012 to 2014 state it with one name too few, so the definition in a log 
 """
 
 
-def fields_of(names: str) -> tuple[str, ...]:
+def split_field_names(names: str) -> tuple[str, ...]:
     """Return the field names of a format message, which joins them by commas."""
     return tuple(names.split(",")) if names else ()
 
@@ -168,7 +168,7 @@ def _format_of(body: bytes) -> Format | None:
     )
     if (body[0], body[1], name) == (FMT.number, FMT.length, FMT.name):
         return FMT
-    fmt = Format(body[0], body[1], name, characters, fields_of(fields))
+    fmt = Format(body[0], body[1], name, characters, split_field_names(fields))
     named = re.fullmatch(r"[A-Za-z0-9_]{1,4}", name) is not None
     return fmt if named and fmt.dtype() is not None else None
 
@@ -208,7 +208,7 @@ class Tables(ABC):
     notes: tuple[str, ...]
 
     @abstractmethod
-    def decoded(self, fmt: Format, starts: list[int]) -> Columns:
+    def decode(self, fmt: Format, starts: list[int]) -> Columns:
         """Return every field of the messages at these offsets, as columns."""
 
     @property
@@ -235,7 +235,7 @@ class Tables(ABC):
             no such message. A field that a part of the file does not define is NaN (empty, for a
             text) there.
         """
-        return self._joined([(p.format, p.starts) for p in self.pieces.get(name, ())])
+        return self._join_parts([(p.format, p.starts) for p in self.pieces.get(name, ())])
 
     def ends(self, name: str) -> Columns:
         """Return the columns of the first and the last message of one type only."""
@@ -244,8 +244,8 @@ class Tables(ABC):
             return {}
         first, last = pieces[0], pieces[-1]
         if first is last:
-            return self._joined([(first.format, [first.starts[0], first.starts[-1]])])
-        return self._joined([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
+            return self._join_parts([(first.format, [first.starts[0], first.starts[-1]])])
+        return self._join_parts([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
 
     def between(self, start: int, end: int) -> Self:
         """Return the messages that begin in this range of bytes."""
@@ -256,8 +256,8 @@ class Tables(ABC):
                 found[name] = kept
         return replace(self, pieces=found)
 
-    def _joined(self, parts: list[tuple[Format, list[int]]]) -> Columns:
-        decoded = [(fmt, self.decoded(fmt, starts)) for fmt, starts in parts]
+    def _join_parts(self, parts: list[tuple[Format, list[int]]]) -> Columns:
+        decoded = [(fmt, self.decode(fmt, starts)) for fmt, starts in parts]
         if len(decoded) < 2:
             return decoded[0][1] if decoded else {}
         fields = dict.fromkeys(field for fmt, _ in decoded for field in fmt.fields)
@@ -302,7 +302,7 @@ class TextTables(Tables):
 
     data: bytes
 
-    def decoded(self, fmt: Format, starts: list[int]) -> Columns:
+    def decode(self, fmt: Format, starts: list[int]) -> Columns:
         """Return every field of the lines at these offsets, as columns."""
         fields = zip(*(self._fields(at, len(fmt.fields)) for at in starts), strict=True)
         return {
@@ -383,7 +383,7 @@ def _add_format(
     if name == FMT.name:
         formats[name] = FMT
         return []
-    names = list(fields_of(",".join(names)))
+    names = list(split_field_names(",".join(names)))
     distinct = len(set(names)) == len(names) == len(characters)
     if not (_is_small(number) and _is_small(length) and distinct):
         return [f"a format message at byte {at} makes no sense and was skipped"]
@@ -412,9 +412,9 @@ class BinaryTables(Tables):
 
     data: NDArray[np.uint8]
 
-    def decoded(self, fmt: Format, starts: list[int]) -> Columns:
+    def decode(self, fmt: Format, starts: list[int]) -> Columns:
         """Return every field of the messages at these offsets, as columns."""
-        return fmt.decoded(self.data, np.array(starts, dtype=np.int64))
+        return fmt.decode(self.data, np.array(starts, dtype=np.int64))
 
 
 def index_binary(path: str, data: bytes) -> BinaryTables:

@@ -82,7 +82,7 @@ def compute_checksums(
         data, end = np.concatenate([np.zeros(before, np.uint8), data]), end + before
     order = np.argsort(pairs, kind="stable")  # 16 bits: a radix sort
     edges = np.append(0, np.cumsum(np.bincount(pairs))).tolist()
-    initial = _of_zeros(int(short.max()))
+    initial = _compute_zero_registers(int(short.max()))
     for count, (begin, stop) in enumerate(itertools.pairwise(edges)):
         # long lists of rows in parts that fit into the cache
         for low in range(begin, stop, _ROWS_OF_SUMS):
@@ -148,7 +148,7 @@ def _low_half(high: Words, low: Words, n: int) -> Words:
     return rest
 
 
-def _of_zeros(most: int) -> NDArray[np.uint16]:
+def _compute_zero_registers(most: int) -> NDArray[np.uint16]:
     """Return the (most + 1,) registers after so many zero bytes."""
     by_byte, register = _BY_BYTE.tolist(), [_INITIAL]
     for _ in range(most):
@@ -273,7 +273,7 @@ def scan_frames(data: bytes) -> FrameTable:
     message are counted where another record follows them.
     """
     array = np.frombuffer(data, dtype=np.uint8)
-    sound, others = _tested(array)
+    sound, others = _find_sound_records(array)
     # keep records that do not overlap: sound ones first, then others next to them
     sound = sound.only(_apart(sound))
     others = others.only(~_overlaps(others, sound))
@@ -290,7 +290,7 @@ def scan_frames(data: bytes) -> FrameTable:
         component=array[sender + 1],
         payload_start=sound.start + np.where(sound.second, 10, 6),
         payload_length=sound.length,
-        rows_by_id=_grouped(sound.number),
+        rows_by_id=_group_by_message(sound.number),
         skipped_bytes=len(array) - read,
         bad_checksum=failed,
         unknown=len(others.start) - failed,
@@ -319,7 +319,7 @@ def _frames_in_a_row(head: bytes, at: int) -> bool:
     return frames == _BARE_FRAMES
 
 
-def _tested(data: NDArray[np.uint8]) -> tuple[_Candidates, _Candidates]:
+def _find_sound_records(data: NDArray[np.uint8]) -> tuple[_Candidates, _Candidates]:
     """Return records with a correct checksum, and the others that another record follows."""
     sound, others = [], []
     for low in range(8, max(len(data), 9), _CHUNK):
@@ -327,10 +327,10 @@ def _tested(data: NDArray[np.uint8]) -> tuple[_Candidates, _Candidates]:
         good = _has_right_checksum(data, found, checksum_extra(found.number))
         sound.append(found.only(good))
         others.append(found.only(~good & _is_followed(data, found.end)))
-    return _joined(sound), _joined(others)
+    return _join_candidates(sound), _join_candidates(others)
 
 
-def _joined(parts: list[_Candidates]) -> _Candidates:
+def _join_candidates(parts: list[_Candidates]) -> _Candidates:
     names = [field.name for field in fields(_Candidates)]
     return _Candidates(*(np.concatenate([getattr(part, n) for part in parts]) for n in names))
 
@@ -403,7 +403,7 @@ def _bytes_of(found: _Candidates) -> int:
     return int((found.end - found.start + 8).sum())
 
 
-def _grouped(number: NDArray[np.int32]) -> dict[int, Ints]:
+def _group_by_message(number: NDArray[np.int32]) -> dict[int, Ints]:
     """Group rows by message number, increasing; the numbers are defined in a dialect."""
     # 16 bits, where they suffice: a radix sort
     narrow = number.astype(np.uint16) if not len(number) or number.max() < 1 << 16 else number

@@ -17,7 +17,7 @@ from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_ypr, ypr_from_matrix
 from uavgram.input_files import read_bytes
 from uavgram.io.logs.boots import StatedResets, Table, build_log, read_first
-from uavgram.io.logs.camera_events import events_of, gimbal_from_angles, image_numbers
+from uavgram.io.logs.camera_events import build_events, gimbal_from_angles, image_numbers
 from uavgram.io.logs.messages import Found, Row, Topic, message_name, vehicle_kind
 from uavgram.io.logs.samples import attitude_samples, find_plausible_rows, quaternions_of_angles
 from uavgram.io.logs.tlog.frames import FrameTable, Stream, find_vehicles, scan_frames, split_boots
@@ -54,7 +54,7 @@ def _has_ellipsoid(topic: Topic) -> Bools:
     return np.asarray(topic.column("alt_ellipsoid") != 0)
 
 
-def _by_angles(stream: Stream) -> Topic | None:
+def _convert_attitude(stream: Stream) -> Topic | None:
     """Return ATTITUDE as quaternions."""
     topic = stream.topic("ATTITUDE")
     if topic is None:
@@ -65,7 +65,7 @@ def _by_angles(stream: Stream) -> Topic | None:
     return replace(topic, fields=dict(zip(_XYZW, xyzw.T, strict=True)))
 
 
-def _received(stream: Stream) -> Topic | None:
+def _make_reception_topic(stream: Stream) -> Topic | None:
     """Return the ground station's clock at the messages that state their time since boot."""
     received = stream.frames.receive_s(stream.clock_row)
     return Topic("receive", stream.clock_boot_s, {"utc_s": received})
@@ -119,7 +119,9 @@ def _on_vehicle(samples: GimbalSamples, ned_from_body: Floats) -> GimbalSamples:
     return replace(samples, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw, yaw_frame="earth")
 
 
-def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[CameraEvents]:
+def _read_stamped_events(
+    stream: Stream, name: str, count: str, *, fed_back: bool
+) -> Found[CameraEvents]:
     """Return events with time_usec, and their number in the field `count`.
 
     The clock of CAMERA_FEEDBACK varies (ArduPilot, AP_Camera_Backend.cpp): UTC without a feedback
@@ -135,7 +137,7 @@ def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[
     pinned = fed_back and (~is_utc[kept]).mean() > 0.5
     number = image_numbers(topic.column(count))[kept]
     confirmed = np.full(len(kept), float(fed_back))
-    events, remarks = events_of(
+    events, remarks = build_events(
         name, "feedback" if pinned else "command", (time[kept], number, confirmed)
     )
     return events, (*notes, *remarks)
@@ -177,7 +179,7 @@ def _utc_minus_boot(stream: Stream, topic: Topic) -> Floats | None:
     return np.interp(rows[0], rows[1][some], difference[some])
 
 
-def _captured(stream: Stream) -> Topic | None:
+def _read_captures(stream: Stream) -> Topic | None:
     """Return CAMERA_IMAGE_CAPTURED, without repetitions requested by a ground station."""
     topic = stream.topic("CAMERA_IMAGE_CAPTURED")
     if topic is None:
@@ -192,7 +194,7 @@ _PLACE, _UNITS = ("lat", "lon", "alt"), (1e7, 1e7, 1e3)
 _XYZW = ("q2", "q3", "q4", "q1")
 _RATES = ("rollspeed", "pitchspeed", "yawspeed")
 _LAGGING = "positions are the receiver's own (no GLOBAL_POSITION_INT): they lag by its delay"
-_ANGLES = Row(_by_angles, _XYZW)
+_ANGLES = Row(_convert_attitude, _XYZW)
 _ATTITUDES = (Row("ATTITUDE_QUATERNION", _XYZW), _ANGLES)
 _RECEIVER = Row(_receiver, _PLACE, _UNITS, valid=_has_place, source="GPS_RAW_INT")
 
@@ -210,9 +212,11 @@ TABLE = Table(
         _mount_status,
     ),
     events=(
-        partial(_stamped, name="CAMERA_FEEDBACK", count="img_idx", fed_back=True),
-        Row(_captured, ("image_index", "capture_result")),
-        partial(_stamped, name="CAMERA_TRIGGER", count="seq", fed_back=False),  # commands only
+        partial(_read_stamped_events, name="CAMERA_FEEDBACK", count="img_idx", fed_back=True),
+        Row(_read_captures, ("image_index", "capture_result")),
+        partial(
+            _read_stamped_events, name="CAMERA_TRIGGER", count="seq", fed_back=False
+        ),  # commands only
     ),
     velocities=(Row("GLOBAL_POSITION_INT", ("vx", "vy", "vz"), 100.0, valid=_knows_velocity),),
     turn_rates=(Row("ATTITUDE_QUATERNION", _RATES), Row("ATTITUDE", _RATES)),
@@ -226,7 +230,7 @@ TABLE = Table(
     reception=(Row(_receiver, ("satellites_visible", "eph"), (1.0, 100.0), source="GPS_RAW_INT"),),
     clocks=(
         Row("SYSTEM_TIME", ("time_unix_usec",), factor=1e-6, source="system_time"),
-        Row(_received, ("utc_s",)),
+        Row(_make_reception_topic, ("utc_s",)),
     ),
     undulation=(Row(_receiver, ("alt_ellipsoid", "alt"), 1e3, valid=_has_ellipsoid),),
     resets=StatedResets(texts=(("STATUSTEXT", "text"),)),
@@ -248,7 +252,7 @@ def read_tlog(path: str | Path) -> FlightLog:
         notes.append(f"autopilots {systems} are in the log; number {systems[0]} was used")
     streams = split_boots(frames, systems[0]) if systems else []
     if not streams:
-        raise InputError(path, _no_autopilot(frames))
+        raise InputError(path, _explain_missing_autopilot(frames))
     vehicle, firmware = _vehicle(frames, systems[0])
     log = FlightLog(
         path=str(path),
@@ -282,7 +286,7 @@ def _scan_notes(frames: FrameTable) -> list[str]:
     return notes
 
 
-def _no_autopilot(frames: FrameTable) -> str:
+def _explain_missing_autopilot(frames: FrameTable) -> str:
     names = sorted(message_name(number) for number in frames.rows_by_id)
     held = ", ".join(names[:15]) + (", ..." if len(names) > 15 else "")
     return (

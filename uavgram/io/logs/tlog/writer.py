@@ -80,7 +80,7 @@ def _system(log: SimulatedLog) -> Timed:
 
 
 def _home(log: SimulatedLog) -> Timed:
-    latitude, longitude, altitude = _scaled(log.home_geodetic[None])[0]
+    latitude, longitude, altitude = _scale_positions(log.home_geodetic[None])[0]
     for time in _every(log, HOME_EVERY_S).tolist():
         message = dialect.MAVLink_home_position_message(
             latitude, longitude, altitude, 0, 0, 0, (1, 0, 0, 0), 0, 0, 0, _us(time)
@@ -90,10 +90,10 @@ def _home(log: SimulatedLog) -> Timed:
 
 def _positions(log: SimulatedLog) -> Timed:
     heading = np.rad2deg(np.interp(log.position_time_s, log.attitude_time_s, _yaw(log)))
-    home_mm = _scaled(log.home_geodetic[None])[0][2]
+    home_mm = _scale_positions(log.home_geodetic[None])[0][2]
     rows = zip(
         log.position_time_s.tolist(),
-        _scaled(log.position_geodetic),
+        _scale_positions(log.position_geodetic),
         np.round(log.velocity_ned_m_s * 100).astype(int).tolist(),
         (np.round(heading * 100).astype(int) % 36000).tolist(),
         strict=True,
@@ -129,7 +129,9 @@ def _gimbal(log: SimulatedLog) -> Timed:
 def _gps(log: SimulatedLog) -> Timed:
     accuracy_mm = np.round(log.gps_accuracy_m * 1000).astype(int).tolist()
     undulation_mm = round(log.undulation_m * 1000)
-    rows = zip(log.gps_time_s.tolist(), _scaled(log.gps_geodetic), accuracy_mm, strict=True)
+    rows = zip(
+        log.gps_time_s.tolist(), _scale_positions(log.gps_geodetic), accuracy_mm, strict=True
+    )
     for time, (latitude, longitude, altitude), (horizontal, vertical) in rows:
         message = dialect.MAVLink_gps_raw_int_message(
             _us(time),
@@ -154,7 +156,7 @@ def _feedback(log: SimulatedLog) -> Timed:
     home_m = float(log.home_geodetic[2])
     rows = zip(
         log.event_time_s.tolist(),
-        _scaled(log.event_geodetic),
+        _scale_positions(log.event_geodetic),
         log.event_geodetic[:, 2].tolist(),
         np.rad2deg(log.event_rpy_rad).tolist(),
         strict=True,
@@ -185,7 +187,7 @@ def _yaw(log: SimulatedLog) -> Floats:
     return np.unwrap(log.attitude_rpy_rad[:, 2])
 
 
-def _scaled(geodetic: Floats) -> list[list[int]]:
+def _scale_positions(geodetic: Floats) -> list[list[int]]:
     """Convert (N, 3) degrees, degrees, metres to latitude, longitude [1e-7 deg] and height [mm]."""
     rounded: list[list[int]] = np.round(geodetic * [1e7, 1e7, 1e3]).astype(np.int64).tolist()
     return rounded

@@ -14,7 +14,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.geometry.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.io.logs.boots import StatedResets, Table, build_log
-from uavgram.io.logs.camera_events import events_of, image_numbers
+from uavgram.io.logs.camera_events import build_events, image_numbers
 from uavgram.io.logs.messages import Found, Row, Topic, vehicle_kind
 from uavgram.io.logs.samples import find_plausible_rows
 from uavgram.io.logs.ulog.tables import UlogTables, read_tables
@@ -142,7 +142,7 @@ def _events(tables: UlogTables) -> Found[CameraEvents]:
         missed = unanswered, np.full(len(unanswered), -1)
         source = "camera_capture+camera_trigger" if capture is not None else source
     instant: Literal["feedback", "command"] = "feedback" if fed_back.any() else "command"
-    return events_of(source, instant, (time, number, confirmed), missed)
+    return build_events(source, instant, (time, number, confirmed), missed)
 
 
 def _main(capture: Topic | None, trigger: Topic | None, fed_back: Bools) -> tuple[Topic, Floats]:

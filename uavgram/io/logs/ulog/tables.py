@@ -328,7 +328,7 @@ class Rows:
         self._longest = np.zeros(65536, dtype=np.int64)
         self._time_at = np.zeros(65536, dtype=np.int64)
         self._states: dict[int, Callable[[bytes], bool]] = {
-            ADDED: self._added,
+            ADDED: self._register_topic,
             DROPOUT: self._dropout,
             FORMAT: self._format,
             INFO: lambda body: _put(self.info, body),
@@ -416,7 +416,7 @@ class Rows:
             if subscription.kept:
                 subscription.take(array, at[edges[k] : edges[k + 1]])
 
-    def _added(self, body: bytes) -> bool:
+    def _register_topic(self, body: bytes) -> bool:
         """Register a topic under a number."""
         if len(body) < 4:
             return False
@@ -592,7 +592,7 @@ def _tables(rows: Rows, wanted: Collection[str] | None, *, appended: bool) -> Ul
     found = [s for s in rows.subscriptions if s.count]
     found.sort(key=lambda s: (s.name, s.instance, -s.count))
     kept = [(s, np.frombuffer(s.data, dtype=s.rows.dtype)) for s in found if s.kept]
-    started_s = _started_s(found, [table["timestamp"] for _, table in kept])
+    started_s = _find_time_offset_s(found, [table["timestamp"] for _, table in kept])
     topics: dict[str, tuple[Topic, ...]] = {}
     for s, table in kept:
         fields = {name: table[name] for name in table.dtype.names or ()}
@@ -620,7 +620,7 @@ def _count(same: list[Subscription], started_s: float) -> Count:
     )
 
 
-def _started_s(found: list[Subscription], times_us: list[NDArray[np.uint64]]) -> float:
+def _find_time_offset_s(found: list[Subscription], times_us: list[NDArray[np.uint64]]) -> float:
     """Return the offset of the times: PX4's simulator uses the time of day as its boot clock."""
     firsts = np.array([s.first_us for s in found if s.first_us is not None], dtype=np.float64)
     times_s = max(times_us, key=len, default=firsts).astype(np.float64) * 1e-6

@@ -2,7 +2,7 @@
 // question.
 
 import { proposalAt } from "../connection/store.js";
-import { markOn, marksNear } from "../photos/near.js";
+import { markOn, marksNear } from "../photos/nearby_marks.js";
 
 /** @import { Change } from "../connection/protocol.js" */
 /** @import { Pane } from "../photos/pane.js" */

@@ -2,7 +2,7 @@
 
 import { heightOf, labels } from "../connection/store.js";
 
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { PageState } from "./page_state.js" */
 

@@ -2,13 +2,13 @@
 // photo, or a new one. A typed name is used, after a question if it does not fit.
 
 import { adjusted, freeName, labels, namedLabels, pickAt, predictedIn, proposalAt, stale, store } from "../connection/store.js";
-import { markOn } from "../photos/near.js";
+import { markOn } from "../photos/nearby_marks.js";
 import { aside, isTelling, meant, nearness } from "../photos/regions.js";
 import { TOOLS } from "./keys.js";
 
 /** @import { Predicted } from "../connection/protocol.js" */
-/** @import { Link } from "../connection/link.js" */
-/** @import { Near } from "../photos/near.js" */
+/** @import { Link } from "../connection/socket.js" */
+/** @import { Near } from "../photos/nearby_marks.js" */
 /** @import { PageState } from "./page_state.js" */
 
 /** @typedef {{ u: number, v: number, scale: number, image: number }} Click */

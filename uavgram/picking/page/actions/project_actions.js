@@ -4,7 +4,7 @@ import { goOn, send } from "../door/server.js";
 import { boardText } from "../panel/camera.js";
 
 /** @import { Answers, Question } from "../connection/protocol.js" */
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { PageState } from "./page_state.js" */
 

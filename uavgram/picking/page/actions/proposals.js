@@ -3,7 +3,7 @@
 import { askedFor, predictedIn, proposalAt, proposals } from "../connection/store.js";
 
 /** @import { Proposal, Question } from "../connection/protocol.js" */
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Panes } from "../photos/panes.js" */

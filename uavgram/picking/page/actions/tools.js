@@ -6,18 +6,18 @@ import { Question } from "../elements/question.js";
 import { entryMessage, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
-import { Again } from "./again.js";
+import { Again } from "./repeated_clicks.js";
 import { Clicks } from "./clicks.js";
 import { Heights } from "./heights.js";
 import { Proposals } from "./proposals.js";
 import { TOOLS } from "./keys.js";
 import { LabelEdits } from "./label_edits.js";
 import { LabelsByPlace } from "./labels_by_place.js";
-import { Offers } from "./offers.js";
+import { Offers } from "./undo_notice.js";
 import { showTool } from "./tool_menu.js";
 
 /** @import { Change, Kind, Line, Measurement } from "../connection/protocol.js" */
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Panes } from "../photos/panes.js" */

@@ -1,10 +1,10 @@
 // The start page: a folder of this computer becomes a project, and its page opens.
 
 import { byId, node } from "../elements/dom.js";
-import { forgetKept, keep, kept } from "../connection/kept.js";
-import { begunFolder, forget } from "./begun.js";
+import { forgetKept, keep, kept } from "../connection/tab_memory.js";
+import { begunFolder, forget } from "./unsent_settings.js";
 import { showFolders } from "./folders.js";
-import { keepTab } from "./tab.js";
+import { keepTab } from "./tab_socket.js";
 import { find, goOn, OpenAlready, OpenElsewhere, send } from "./server.js";
 import { showSetup } from "./setup.js";
 

@@ -2,7 +2,7 @@
 
 import { keyed } from "../connection/key.js";
 import { as, node, textIn } from "../elements/dom.js";
-import { keepSet } from "./begun.js";
+import { keepSet } from "./unsent_settings.js";
 import { mountPart, pitchIn } from "./mount.js";
 
 /** @import { Child } from "../elements/dom.js" */

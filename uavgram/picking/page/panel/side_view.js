@@ -8,7 +8,7 @@ import { cell, keep, table, tableRow, titled } from "../elements/table.js";
 import { inLength, lengthUnit } from "../elements/units.js";
 import { KINDS } from "./entry.js";
 
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { Measurement, SidePoint } from "../connection/protocol.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { PageState } from "../actions/page_state.js" */

@@ -4,9 +4,9 @@ import { fitOf, isSuspect, picksIn, predictedIn, proposalAt, proposals, standsAt
 import { fault, trustOfPoint } from "../connection/trust.js";
 import { put, shape } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
-import { askedParts } from "./asked.js";
+import { askedParts } from "./question_place.js";
 import { showTag } from "./labels.js";
-import { ON_PX } from "./near.js";
+import { ON_PX } from "./nearby_marks.js";
 import { linesIn, pathOf, pathPart, wordsPart } from "./paths.js";
 import { residualOf, residualScale } from "./residuals.js";
 import { stroke, textShape, titleShape } from "./shapes.js";

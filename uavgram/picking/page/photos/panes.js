@@ -4,10 +4,10 @@ import { mostPicked, store } from "../connection/store.js";
 import { byId, choose } from "../elements/dom.js";
 import { Pane } from "./pane.js";
 
-/** @import { KeptPanes } from "../connection/kept.js" */
+/** @import { KeptPanes } from "../connection/tab_memory.js" */
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Notice } from "../elements/notice.js" */
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { PaneEvents } from "./pane.js" */
 
 export class Panes {

@@ -1,9 +1,9 @@
 // Mouse, pen and fingers on a pane: they zoom, pan, click and drag marks.
 
-import { Fingers } from "./fingers.js";
-import { markOn, marksNear, NEAR_PX, ON_PX } from "./near.js";
+import { Fingers } from "./two_fingers.js";
+import { markOn, marksNear, NEAR_PX, ON_PX } from "./nearby_marks.js";
 
-/** @import { Near } from "./near.js" */
+/** @import { Near } from "./nearby_marks.js" */
 /** @import { Pane } from "./pane.js" */
 
 /**

@@ -2,7 +2,7 @@
 
 import { put, shape } from "../elements/dom.js";
 
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { Part } from "./marks.js" */
 
 /** @type {Map<number, [number, number][]>} */

@@ -22,9 +22,9 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures, TelemetryPrior
 from uavgram.model.message import Message
-from uavgram.model.naming import figures
+from uavgram.model.naming import format_digits
 from uavgram.model.survey import Survey
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.turned_photos import find_misplaced_photos
 
 CLOCK_SIGMA_S, ROTATION_SIGMA_RAD = 60.0, float(np.radians(60.0))
@@ -57,7 +57,7 @@ def propose_wrong_clock(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             message=_clock_message,
             moved=() if shift_s else (prior_derivative(diagnosis.adjustment, kind="clock"),),
             settled=partial(_clock, prior),
-            freed=partial(_with_clock, shift_s),
+            freed=partial(_free_clock, shift_s),
             promise=promise if shift_s else 0.0,
             price=widening_price(1, USUAL_S, prior.clock_sigma_s),
         )
@@ -107,8 +107,8 @@ def propose_shifted_control(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     yield Hypothesis(
         message=partial(_control_message, adjustment.survey),
         moved=(prior_derivative(adjustment, kind="position_bias"),),
-        settled=partial(_of_flight, kind="position_bias"),
-        freed=partial(_with_prior, position_bias_sigma_m=np.full(3, SHIFT_SIGMA_M)),
+        settled=partial(_compute_deviation, kind="position_bias"),
+        freed=partial(_replace_prior, position_bias_sigma_m=np.full(3, SHIFT_SIGMA_M)),
         price=widening_price(3, USUAL_SHIFT_M, stated),
     )
 
@@ -123,7 +123,7 @@ def _control_message(survey: Survey, found: HypothesisTest | None) -> Message:
         "warning",
         "control-shifted",
         f"All control points are shifted against the flight log by {size:.1f} ± "
-        f"{figures(sigma, 1)} m "
+        f"{format_digits(sigma, 1)} m "
         f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): they agree with each other, "
         "but not with the log. Look at the coordinate system, the datum and the heights of the "
         "control points.",
@@ -146,7 +146,7 @@ def propose_shifted_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         message=partial(_heights_message, "log" if is_of_log else "photos"),
         moved=(replace(every, rows=every.rows[2:], along=every.along[2:, :, 2:]),),
         settled=_up,
-        freed=partial(_with_heights, up_m),
+        freed=partial(_free_heights, up_m),
         is_of_all=True,
         price=known + widening_price(1, USUAL_SHIFT_M, float(prior.position_bias_sigma_m[2])),
         promise=promise,
@@ -204,7 +204,7 @@ def scale_by_heights(adjustment: Adjustment) -> Scale | None:
     return Scale(height_m / by_log_m, float(np.sqrt(variance)) / by_log_m, gain)
 
 
-def _with_heights(up_m: float, survey: Survey) -> Survey:
+def _free_heights(up_m: float, survey: Survey) -> Survey:
     """Remove the prior of the log's common height error, and lower the seeds by `up_m`."""
     prior, seeds = survey.telemetry, survey.seeds
     if prior is None or seeds is None:
@@ -229,7 +229,7 @@ def _position_differences(adjustment: Adjustment) -> tuple[Floats, Floats, Float
 
 def _up(adjustment: Adjustment) -> tuple[Floats, Floats]:
     """Return the excess of the log's heights (1,), and its variance."""
-    value, covariance = _of_flight(adjustment, kind="position_bias")
+    value, covariance = _compute_deviation(adjustment, kind="position_bias")
     return value[2:], covariance[2:, 2:]
 
 
@@ -239,7 +239,7 @@ def _heights_message(source: str, found: HypothesisTest | None) -> Message:
     return Message(
         "warning",
         "heights-off",
-        f"All heights of the {source} are {abs(up):.1f} ± {figures(sigma, 1)} m too "
+        f"All heights of the {source} are {abs(up):.1f} ± {format_digits(sigma, 1)} m too "
         f"{'large' if up > 0 else 'small'} "
         "for the height of the ground: check whether both are above the same reference (a geoid "
         "differs from the ellipsoid by up to 100 m), `world.origin` and `ground.height_m`. "
@@ -261,8 +261,8 @@ def propose_turned_camera(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     yield Hypothesis(
         message=_camera_message,
         moved=(prior_derivative(diagnosis.adjustment, kind="boresight"),),
-        settled=partial(_of_flight, kind="boresight"),
-        freed=partial(_with_prior, boresight_sigma_rad=ROTATION_SIGMA_RAD),
+        settled=partial(_compute_deviation, kind="boresight"),
+        freed=partial(_replace_prior, boresight_sigma_rad=ROTATION_SIGMA_RAD),
         is_of_all=not diagnosis.refined.is_log_left_out,
         price=known + widening_price(3, USUAL_RAD, prior.boresight_sigma_rad),
     )
@@ -272,7 +272,7 @@ def propose_turned_camera(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         message=_compass_message,
         moved=(prior_derivative(diagnosis.adjustment, kind="heading_bias"),),
         settled=partial(_heading, prior),
-        freed=partial(_with_heading, heading_rad),
+        freed=partial(_free_heading, heading_rad),
         is_of_all=True,
         price=widening_price(1, USUAL_RAD, prior.heading_bias_sigma_rad),
         promise=turn.gain,
@@ -328,7 +328,7 @@ def propose_position_step(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     everywhere = ObservationChange(
         "telemetry", np.arange(len(order)), by_place * since[:, None, None]
     )
-    yield Hypothesis(message=None, moved=(everywhere,), price=3.0 * PRICE / 2.0)
+    yield Hypothesis(message=None, moved=(everywhere,), price=3.0 * GROSS_ERROR_LOG_ODDS / 2.0)
     yield from _propose_step_before_lost(diagnosis)
     gaps = _likely_gaps(adjustment, order, by_place)
     for gap in gaps.tolist():
@@ -337,8 +337,8 @@ def propose_position_step(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         yield Hypothesis(
             message=partial(_step_message, *_between(adjustment, order, gap)),
             moved=(ObservationChange("telemetry", later, by_place[later]),),
-            freed=partial(_without_places, _names(adjustment, few)),
-            price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
+            freed=partial(_free_positions, _names(adjustment, few)),
+            price=3.0 * GROSS_ERROR_LOG_ODDS / 2.0 + float(np.log(len(order) - 1)),
         )
 
 
@@ -370,9 +370,9 @@ def _propose_step_before_lost(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             _step_message, survey.frame_id[order[gap - 1]], survey.frame_id[order[gap]]
         ),
         back=frozenset(np.flatnonzero(picks).tolist()),
-        freed=partial(_without_places, names),
+        freed=partial(_free_positions, names),
         settled=partial(_step, names),
-        price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
+        price=3.0 * GROSS_ERROR_LOG_ODDS / 2.0 + float(np.log(len(order) - 1)),
         settles=names,
     )
 
@@ -421,22 +421,24 @@ def _telemetry(adjustment: Adjustment) -> TelemetryPrior | None:
     return adjustment.survey.telemetry
 
 
-def _of_flight(adjustment: Adjustment, *, kind: str) -> tuple[Floats, Floats]:
+def _compute_deviation(adjustment: Adjustment, *, kind: str) -> tuple[Floats, Floats]:
     """Return the deviation of a flight's common unknowns from their priors, and its covariance."""
     problem, part = adjustment.problem, TELEMETRY_PARTS[kind]
     value = adjustment.state.telemetry[part] - problem.telemetry_mean[part]
-    return value, adjustment.shared(problem.layout.first_telemetry + part.start, len(value))
+    return value, adjustment.shared_covariance(
+        problem.layout.first_telemetry + part.start, len(value)
+    )
 
 
 def _heading(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
     """Return the heading bias relative to the stated one, and its variance."""
-    value, covariance = _of_flight(adjustment, kind="heading_bias")
+    value, covariance = _compute_deviation(adjustment, kind="heading_bias")
     prior = adjustment.survey.telemetry
     assert prior is not None  # noqa: S101  (a heading bias is an unknown only with a log)
     return value + prior.heading_bias_rad - stated.heading_bias_rad, covariance
 
 
-def _with_heading(heading_rad: float, survey: Survey) -> Survey:
+def _free_heading(heading_rad: float, survey: Survey) -> Survey:
     """Remove the prior of the common heading error, and rotate the seeds."""
     prior, seeds = survey.telemetry, survey.seeds
     if prior is None or seeds is None:
@@ -451,7 +453,7 @@ def _with_heading(heading_rad: float, survey: Survey) -> Survey:
     )
 
 
-def _with_clock(shift_s: float, survey: Survey) -> Survey:
+def _free_clock(shift_s: float, survey: Survey) -> Survey:
     """Remove the prior of the camera's clock, and begin from another correction."""
     prior = survey.telemetry
     if prior is None:
@@ -463,13 +465,13 @@ def _with_clock(shift_s: float, survey: Survey) -> Survey:
 
 def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
     """Return the clock's correction relative to the stated one, and its variance."""
-    value, covariance = _of_flight(adjustment, kind="clock")
+    value, covariance = _compute_deviation(adjustment, kind="clock")
     prior = adjustment.survey.telemetry
     assert prior is not None  # noqa: S101  (a clock is an unknown only with a log)
     return value + stated.middle_s - prior.middle_s, covariance
 
 
-def _with_prior(survey: Survey, **sigma: float | Floats) -> Survey:
+def _replace_prior(survey: Survey, **sigma: float | Floats) -> Survey:
     """Widen priors of the flight's common unknowns."""
     if survey.telemetry is None:
         return survey
@@ -497,7 +499,7 @@ def _names(adjustment: Adjustment, rows: Ints) -> frozenset[str]:
     return frozenset(survey.frame_id[k] for k in prior.frame_index[rows])
 
 
-def _without_places(names: Iterable[str], survey: Survey) -> Survey:
+def _free_positions(names: Iterable[str], survey: Survey) -> Survey:
     """Remove most of the prior of some frames' positions."""
     prior = survey.telemetry
     if prior is None:
@@ -515,7 +517,8 @@ def _clock_message(found: HypothesisTest | None) -> Message:
     return Message(
         "warning",
         "clock-off",
-        f"The camera's clock is {abs(off):.1f} ± {figures(sigma, 1)} s off, more than the stated "
+        f"The camera's clock is {abs(off):.1f} ± {format_digits(sigma, 1)} s off, more than the "
+        f"stated "
         f"sigma allows: change `time.offset_s` in the project by {off:+.1f} (the clock is {way}).",
     )
 
@@ -526,7 +529,7 @@ def _camera_message(found: HypothesisTest | None) -> Message:
     angle = np.degrees(found.value)
     sigma = np.degrees(np.sqrt(found.covariance.diagonal()))
     said = ", ".join(
-        f"{a:+.1f} ± {figures(s)} degrees about {axis}"
+        f"{a:+.1f} ± {format_digits(s)} degrees about {axis}"
         for a, s, axis in zip(angle, sigma, about, strict=True)
         if s < abs(a)
     )
@@ -546,7 +549,8 @@ def _compass_message(found: HypothesisTest | None) -> Message:
     return Message(
         "warning",
         "gimbal-off",
-        f"All headings of the log are off by {abs(angle):.1f} ± {figures(sigma, 1)} degrees: look "
+        f"All headings of the log are off by {abs(angle):.1f} ± {format_digits(sigma, 1)} degrees: "
+        f"look "
         "at "
         "`mount.yaw_deg` in the project, or at the compass of the vehicle. Directions "
         "rest on it.",
@@ -562,7 +566,8 @@ def _step_message(before: str, after: str, found: HypothesisTest | None) -> Mess
     return Message(
         "warning",
         "log-position-jump",
-        f"The log's positions jump by {size:.1f} ± {figures(sigma, 1)} m between {before!r} and "
+        f"The log's positions jump by {size:.1f} ± {format_digits(sigma, 1)} m between {before!r} "
+        f"and "
         f"{after!r} "
         f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): the photos show it, the log "
         "does not. Pick points that the photos before share with those behind, or leave out the "

@@ -27,7 +27,7 @@ from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.first_values import LOST_PICK_COST
 from uavgram.stages.refine.minima import Participants
 
-PRICE = 6.0
+GROSS_ERROR_LOG_ODDS = 6.0
 """Logarithm of the odds against a gross error of an observed number at its specific value: the
 range of gross errors over the sigma of the number."""
 
@@ -76,7 +76,11 @@ class Diagnosis(NamedTuple):
         used = np.zeros(len(self.taking.keep), dtype=np.bool_)
         used[self.refined.pick_index] = True
         lost = int((self.taking.keep & ~used & ~self.spoilt).sum())
-        return self.adjustment.minimum.cost + 2.0 * PRICE * self.left_out + LOST_PICK_COST * lost
+        return (
+            self.adjustment.minimum.cost
+            + 2.0 * GROSS_ERROR_LOG_ODDS * self.left_out
+            + LOST_PICK_COST * lost
+        )
 
     @property
     def left_out(self) -> int:
@@ -145,7 +149,7 @@ class Hypothesis:
         freed survey, for `message`; None: those of the linear test are reported.
     price
         Logarithm of the number of possible hypotheses of its kind, and of the prior range of its
-        unknowns over their posterior range (see `PRICE`).
+        unknowns over their posterior range (see `GROSS_ERROR_LOG_ODDS`).
     promise
         Expected decrease of the sum of squares, where `moved` does not give it, or gives less
         because it is linear.

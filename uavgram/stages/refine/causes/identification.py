@@ -206,8 +206,8 @@ def _identify_in_turn(
         best, rival = found
         price += 2.0 * best.hypothesis.price - (0.0 if best.after else best.gain)
         if best.hypothesis.message is not None:
-            causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
-            freed.append(_freed_by(best, rival))
+            causes.append(_add_remedies(_cause(best, rival), best, rival, stated.survey))
+            freed.append(_choose_release(best, rival))
             explanations.append(_list_explanations(best, rival))
         if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
             wrong |= best.hypothesis.mend.picks
@@ -238,7 +238,7 @@ def _list_explanations(
     )
 
 
-def _freed_by(
+def _choose_release(
     best: JudgedHypothesis, rival: JudgedHypothesis | None
 ) -> Callable[[Survey], Survey] | None:
     """Return the function that removes the prior knowledge which a cause or its rival proves wrong.
@@ -278,7 +278,7 @@ def _cause(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> Cause:
     )
 
 
-def _with_remedies(
+def _add_remedies(
     cause: Cause, best: JudgedHypothesis, rival: JudgedHypothesis | None, written: Survey
 ) -> Cause:
     """Add corrections for the cause, and for its rivals."""
@@ -292,14 +292,14 @@ def _with_remedies(
         and (swapped := find_label_exchange_instead(written, mends[0])) is not None
     ):
         mends.append(swapped)
-        message = _of_both(message, written, swapped)
+        message = _mention_swap(message, written, swapped)
     if not one.is_clear:
         lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
         mends.append(SurveyCorrection(without_lines=frozenset(lines)))
     return replace(cause, message=add_remedies(message, written, mends))
 
 
-def _of_both(message: Message, written: Survey, swapped: SurveyCorrection) -> Message:
+def _mention_swap(message: Message, written: Survey, swapped: SurveyCorrection) -> Message:
     """Mention in the message on another end that two labels may be swapped instead.
 
     Then the measurements at either of them are in doubt, too.
@@ -343,15 +343,15 @@ def _find_likeliest(
     # The rest may still be noisier than stated. Use the same noise for all trials; otherwise it
     # would decide between two that explain nearly all.
     noise = min((one.noise for one in trials if one.after is not None), default=1.0)
-    trials = [one.at_noise(noise) for one in trials]
+    trials = [one.rescale_odds(noise) for one in trials]
     sure = [one for one in trials if one.odds > SURE_LOG_ODDS]
     noisy: Diagnosis | None = None
     for one in sorted(sure, key=lambda one: -one.odds)[:MAX_TRIED_WITH_NOISE]:
         if one.after is not None and not needs_cause(one.after):
-            return _with_rival(one, trials)  # it explains all, without more noise
+            return _choose_with_rival(one, trials)  # it explains all, without more noise
         noisy = noisy or explain_by_noise(diagnosis)
         if noisy is diagnosis or try_hypothesis(noisy, one).odds > SURE_LOG_ODDS:
-            return _with_rival(one, trials)
+            return _choose_with_rival(one, trials)
     return None
 
 
@@ -377,7 +377,7 @@ def _drop_duplicates(
         yield one
 
 
-def _with_rival(
+def _choose_with_rival(
     best: JudgedHypothesis, trials: Sequence[JudgedHypothesis]
 ) -> tuple[JudgedHypothesis, JudgedHypothesis | None]:
     """Return the hypothesis to report, and another one that leaves no larger misfit.

@@ -69,7 +69,7 @@ def propose_other_ends(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
                 mend=SurveyCorrection(ends={int(found.line[k]): pair.ends}),
                 promise=pair.fall,
                 price=price,
-                settles=found.settled([k]),
+                settles=found.list_names([k]),
             )
     for i, j in combinations(range(min(MAX_LENGTHS, len(found.line))), 2):
         yield from _propose_exchanged_ends(found, i, j)
@@ -165,11 +165,11 @@ def _propose_exchanged_ends(found: SuspectLengths, i: int, j: int) -> Iterator[H
             mend=SurveyCorrection(ends=ends_of),
             promise=alone - off,
             price=price,
-            settles=found.settled([i, j]),
+            settles=found.list_names([i, j]),
         )
 
 
-def _named(found: SuspectLengths, ends: Ends) -> str:
+def _describe_length(found: SuspectLengths, ends: Ends) -> str:
     label = found.diagnosis.survey.label
     return describe_ends("", label[ends.start], label[ends.end])
 
@@ -180,35 +180,36 @@ def _other_ends_message(
     """Report a length between other labels."""
     others = ""
     if rivals:
-        named = " or ".join(_named(found, each.ends) for each in rivals)
+        named = " or ".join(_describe_length(found, each.ends) for each in rivals)
         others = f" It could as well be from {named}."
     own = f"{found.right_m[k]:.2f} ± {max(found.right_sigma_m[k], 0.01):.2f} m"
     there = f"{pair.length_m:.2f} ± {max(pair.sigma_m, 0.01):.2f} m"
     text = (
-        f"The length {found.what(k)} seems to be from {_named(found, pair.ends)}: look at the "
+        f"The length {found.describe_length(k)} seems to be from "
+        f"{_describe_length(found, pair.ends)}: look at the "
         f"notes, and correct the label of its end.{others} It reads {found.reading_m[k]:.10g} m; "
         f"by all the rest it is {there} there, and {own} between the labels as written."
     )
-    item = f"{found.what(k)} is from {_named(found, pair.ends)}"
+    item = f"{found.describe_length(k)} is from {_describe_length(found, pair.ends)}"
     opening = "{count} lengths seem to be between other labels"
     ending = "Look at the notes, and correct the labels of their ends."
-    return found.told("line-other-ends", [k], MessageWords(text, (opening, item, ending)))
+    return found.make_message("line-other-ends", [k], MessageWords(text, (opening, item, ending)))
 
 
 def _exchanged_ends_message(
     found: SuspectLengths, rows: tuple[int, int], ends: tuple[Ends, Ends], _: HypothesisTest | None
 ) -> Message:
     """Report two lengths with exchanged ends."""
-    first, second = (found.what(k) for k in rows)
-    right = " and the second from ".join(_named(found, each) for each in ends)
+    first, second = (found.describe_length(k) for k in rows)
+    right = " and the second from ".join(_describe_length(found, each) for each in ends)
     text = (
         f"Ends of the lengths {first} and {second} seem to be exchanged: the first is from "
         f"{right}. Look at the notes, and correct the labels. As written, the first "
-        f"{found.compared(rows[0])}; the second {found.compared(rows[1])}."
+        f"{found.describe_difference(rows[0])}; the second {found.describe_difference(rows[1])}."
     )
     several = (
         "{count} pairs of lengths seem to have exchanged ends",
         f"{first} and {second}: the first is from {right}",
         "Look at the notes, and correct the labels.",
     )
-    return found.told("line-other-ends", rows, MessageWords(text, several))
+    return found.make_message("line-other-ends", rows, MessageWords(text, several))

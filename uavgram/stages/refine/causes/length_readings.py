@@ -15,10 +15,10 @@ from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, 
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
-from uavgram.model.naming import listed
+from uavgram.model.naming import join_names
 from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.flight_log import scale_by_heights
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.suspect_lengths import (
     MAX_SLIP_SIGMAS,
     MessageWords,
@@ -70,7 +70,7 @@ def propose_wrong_lengths(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             message=None,
             mend=SurveyCorrection(without_lines=frozenset([int(lines[row])])),
             promise=float(fall[row]),
-            price=PRICE + float(np.log(len(lines))),
+            price=GROSS_ERROR_LOG_ODDS + float(np.log(len(lines))),
         )
 
 
@@ -84,7 +84,7 @@ def propose_slips(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose slips: lengths with a wrong digit, or with exchanged readings."""
     found = find_suspect_lengths(diagnosis)
     yield from _propose_digits(found)
-    yield from _exchanged(found)
+    yield from _propose_exchanged(found)
 
 
 def _propose_units(found: SuspectLengths) -> Iterator[Hypothesis]:
@@ -132,7 +132,7 @@ def _propose_digits(found: SuspectLengths) -> Iterator[Hypothesis]:
             yield from _propose_slip(found, (k,), np.array([slip.right_m]), len(slips), tell)
 
 
-def _exchanged(found: SuspectLengths) -> Iterator[Hypothesis]:
+def _propose_exchanged(found: SuspectLengths) -> Iterator[Hypothesis]:
     others = max(1, len(found.diagnosis.survey.line_start) - 1)
     for i, j in combinations(range(len(found.line)), 2):
         tell = partial(_exchanged_message, found, (i, j))
@@ -168,7 +168,7 @@ def _propose_slip(
             mend=SurveyCorrection(length_m=dict(zip(lines, right_m.tolist(), strict=True))),
             promise=found.fall(rows, error),
             price=price,
-            settles=found.settled(rows),
+            settles=found.list_names(rows),
         )
 
 
@@ -194,22 +194,23 @@ def _unit_message(
 ) -> Message:
     """Report lengths in another unit."""
     right = [f"{found.reading_m[k] / unit.size:.2f} m" for k in rows]
-    each = [f"{found.what(k)} would be {m}" for k, m in zip(rows, right, strict=True)]
+    each = [f"{found.describe_length(k)} would be {m}" for k, m in zip(rows, right, strict=True)]
     seem = f"seem to be {unit.words}"
     survey = found.diagnosis.survey
     if len(rows) >= MIN_LENGTHS_FOR_ALL and len(rows) == len(survey.line_start):
         return _unit_of_all_message(survey, unit)
     if len(rows) > 1:
         text = f"{len(rows)} lengths {seem}: {unit.undo}. {'; '.join(each)}."
-        told = MessageWords(text, ("", "", ""), f"{listed(map(found.short, rows))} {seem}.")
-        return found.told("line-wrong-unit", rows, told)
+        told = MessageWords(text, ("", "", ""), f"{join_names(map(found.short, rows))} {seem}.")
+        return found.make_message("line-wrong-unit", rows, told)
     text = (
-        f"The length {found.what(rows[0])} seems to be {unit.words}: write {right[0]}. It "
-        f"{found.compared(rows[0])}."
+        f"The length {found.describe_length(rows[0])} seems to be {unit.words}: write {right[0]}. "
+        f"It "
+        f"{found.describe_difference(rows[0])}."
     )
     several = (f"{{count}} lengths {seem}", each[0], f"{unit.undo.capitalize()}.")
     plain = f"{found.short(rows[0])} seems to be {unit.words}."
-    return found.told("line-wrong-unit", rows, MessageWords(text, several, plain))
+    return found.make_message("line-wrong-unit", rows, MessageWords(text, several, plain))
 
 
 def _unit_of_all_message(
@@ -239,30 +240,36 @@ def _unit_of_all_message(
 def _digit_message(found: SuspectLengths, k: int, slip: Slip, _: HypothesisTest | None) -> Message:
     """Report a length with a wrong digit."""
     text = (
-        f"The length {found.what(k)} seems to be misread or miswritten: {slip.words}. Look at "
+        f"The length {found.describe_length(k)} seems to be misread or miswritten: {slip.words}. "
+        f"Look at "
         f"the notes, and write {slip.right_m:.10g} m if they confirm it; else look at the picks "
-        f"of its ends. It {found.compared(k)}."
+        f"of its ends. It {found.describe_difference(k)}."
     )
-    item = f"{found.what(k)} reads {found.reading_m[k]:.10g} m instead of {slip.right_m:.10g} m"
+    item = (
+        f"{found.describe_length(k)} reads {found.reading_m[k]:.10g} m instead of "
+        f"{slip.right_m:.10g} m"
+    )
     opening = "{count} lengths seem to be misread or miswritten"
     ending = "Look at the notes, and at the picks of their ends."
     plain = (
         f"{found.short(k)} seems misread: it is written as {found.reading_m[k]:.10g} m, and should "
         f"be {slip.right_m:.10g} m."
     )
-    return found.told("line-wrong-digit", [k], MessageWords(text, (opening, item, ending), plain))
+    return found.make_message(
+        "line-wrong-digit", [k], MessageWords(text, (opening, item, ending), plain)
+    )
 
 
 def _exchanged_message(
     found: SuspectLengths, rows: tuple[int, int], _: HypothesisTest | None
 ) -> Message:
     """Report two lengths with exchanged readings."""
-    first, second = (found.what(k) for k in rows)
+    first, second = (found.describe_length(k) for k in rows)
     text = (
         f"The readings of the lengths {first} and {second} seem to be exchanged: look at the "
-        f"notes, and swap them. The first {found.compared(rows[0])}; the second "
-        f"{found.compared(rows[1])}."
+        f"notes, and swap them. The first {found.describe_difference(rows[0])}; the second "
+        f"{found.describe_difference(rows[1])}."
     )
     opening, ending = "{count} pairs of lengths seem to have each other's readings", "Swap them."
     several = (opening, f"{first} and {second}", ending)
-    return found.told("lines-exchanged", rows, MessageWords(text, several))
+    return found.make_message("lines-exchanged", rows, MessageWords(text, several))

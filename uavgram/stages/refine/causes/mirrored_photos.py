@@ -44,9 +44,9 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     strained = sum(
         float(np.sum(blocks[kind].residual ** 2)) for kind in ("telemetry", *TELEMETRY_PARTS)
     )
-    pixel = _mirrored_message(survey)
+    pixel = _mirror_pixels(survey)
     yield Hypothesis(
-        message=_told,
+        message=_report_mirrored,
         mend=SurveyCorrection(
             pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}
         ),
@@ -124,18 +124,18 @@ def _reflect_problem(adjustment: Adjustment) -> tuple[SurveyProblem, State] | No
         return None
     if len(survey.control_label):
         return None
-    other = replace(survey, pixel_px=_mirrored_message(survey))
+    other = replace(survey, pixel_px=_mirror_pixels(survey))
     image = SurveyProblem(other, problem.pivot_m, find_used_lines(adjustment))
     return image, reflect(adjustment.state)
 
 
-def _mirrored_message(survey: Survey) -> Floats:
+def _mirror_pixels(survey: Survey) -> Floats:
     pixel = survey.pixel_px.copy()
     pixel[:, 0] = survey.calibration.width_px - 1.0 - pixel[:, 0]
     return pixel
 
 
-def _told(_: HypothesisTest | None) -> Message:
+def _report_mirrored(_: HypothesisTest | None) -> Message:
     text = (
         "All photos seem to have been mirrored when they were picked: the log fits only then. Pick "
         "them again in the original files, as the camera wrote them. Until then coordinates and "

@@ -21,7 +21,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey import Survey, SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.causes.turned_photos import (
     find_misplaced_photos,
@@ -52,11 +52,11 @@ def propose_other_zoom(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         pixel = middle + (survey.pixel_px[picks] - middle) / factor
         places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
         yield Hypothesis(
-            message=partial(_told, survey.frame_id[frame], factor),
+            message=partial(_report_other_zoom, survey.frame_id[frame], factor),
             mend=SurveyCorrection(pixel_of_pick=places),
             remedy=SurveyCorrection(without_picks=frozenset(picks.tolist())),
             promise=gain,
-            price=PRICE + float(np.log(len(survey.frame_id))),
+            price=GROSS_ERROR_LOG_ODDS + float(np.log(len(survey.frame_id))),
             settles=frozenset([survey.frame_id[frame]]),
         )
 
@@ -148,7 +148,7 @@ def _by_the_log(diagnosis: Diagnosis, frame: int) -> tuple[Floats, Floats]:
     return adjustment.state.center[at] - off, stated
 
 
-def _told(frame: str, factor: float, _: HypothesisTest | None) -> Message:
+def _report_other_zoom(frame: str, factor: float, _: HypothesisTest | None) -> Message:
     text = (
         f"The photo {frame!r} was taken at another zoom, or with another camera, than the others: "
         "take it out, or give photos of each camera a project of their own. It fits where its "
@@ -167,7 +167,7 @@ def _told(frame: str, factor: float, _: HypothesisTest | None) -> Message:
     )
 
 
-DISTORTION = 4
+FIRST_DISTORTION_INDEX = 4
 """First coefficient of the distortion among the parameters of a camera."""
 
 ZOOM_SIGMA, CENTRE_SIGMA, LENS_SIGMA = 0.4, 0.1, 0.2
@@ -227,7 +227,7 @@ def _propose_camera(
         promise=excess,
         settled=partial(_find_deviation, unknowns=unknowns),
         freed=partial(remove_camera_prior, unknowns),
-        price=unknowns.shape[1] * PRICE,
+        price=unknowns.shape[1] * GROSS_ERROR_LOG_ODDS,
     )
 
 
@@ -241,7 +241,7 @@ def _find_deviation(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats
     """Compute a camera's deviation from its file in units of unknowns (P, q), and covariance."""
     problem, layout = adjustment.problem, adjustment.problem.layout
     to_unknowns = np.linalg.pinv(unknowns) @ problem.intrinsic_basis
-    covariance = adjustment.shared(layout.first_intrinsic, layout.intrinsics)
+    covariance = adjustment.shared_covariance(layout.first_intrinsic, layout.intrinsics)
     value = to_unknowns @ adjustment.state.intrinsic
     return value, to_unknowns @ covariance @ to_unknowns.T
 
@@ -274,8 +274,8 @@ def _lens_directions(camera: Calibration) -> Floats:
     """
     change = np.zeros((len(camera.parameters), 3))
     change[:, 0] = zoom_direction(camera)
-    if len(camera.parameters) > DISTORTION + 1:
-        change[DISTORTION, 1] = change[DISTORTION + 1, 2] = LENS_SIGMA
+    if len(camera.parameters) > FIRST_DISTORTION_INDEX + 1:
+        change[FIRST_DISTORTION_INDEX, 1] = change[FIRST_DISTORTION_INDEX + 1, 2] = LENS_SIGMA
     return change
 
 

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.observations.lengths import (
 )
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis
+from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis
 from uavgram.stages.refine.left_out import predict_readings
 
 STRAY_DECREASE = 9.0
@@ -111,7 +111,7 @@ class SuspectLengths:
     def _named(self) -> bool:
         return bool(self.diagnosis.survey.line_name)
 
-    def what(self, k: int) -> str:
+    def describe_length(self, k: int) -> str:
         """Describe a length: ``'L2' ('R3' to 'R4')``."""
         survey, i = self.diagnosis.survey, int(self.line[k])
         start, end = survey.label[survey.line_start[i]], survey.label[survey.line_end[i]]
@@ -168,8 +168,8 @@ class SuspectLengths:
 
         Notes
         -----
-        An error of unknown reason costs `PRICE`; but the larger it is, the less probable is such an
-        error at just this value, and the more probable is a slip of that size.
+        An error of unknown reason costs `GROSS_ERROR_LOG_ODDS`; but the larger it is, the less
+        probable is such an error at just this value, and the more probable is a slip of that size.
         """
         at = np.array(rows)
         size = np.abs(self.error[at]) * self.own_sigma_m[at] / self.sigma_m[at]
@@ -178,9 +178,9 @@ class SuspectLengths:
         if better - off / 2.0 < MIN_SLIP_LOG_ODDS:
             return None
         if not self.takes_part[at].any():  # known to be wrong; only the reason is open
-            return len(at) * PRICE - better - MIN_SLIP_LOG_ODDS
+            return len(at) * GROSS_ERROR_LOG_ODDS - better - MIN_SLIP_LOG_ODDS
         which = np.log(len(self.diagnosis.survey.line_start)) * self.takes_part[at]
-        return float(np.sum(PRICE + which) - better)
+        return float(np.sum(GROSS_ERROR_LOG_ODDS + which) - better)
 
     def between(
         self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
@@ -197,7 +197,7 @@ class SuspectLengths:
             Lengths whose influence is removed.
         """
         found, moved, weight = self._readings(ends, k, without)
-        variance = self.diagnosis.adjustment.readings(self._taped(ends, k))[1] ** 2
+        variance = self.diagnosis.adjustment.readings(self._select_taped(ends, k))[1] ** 2
         return found, np.sqrt(variance + np.einsum("mi,ij,mj->m", moved, weight, moved))
 
     def lengths_between(self, ends: tuple[Ints, Ints], k: int) -> Floats:
@@ -209,18 +209,18 @@ class SuspectLengths:
     ) -> tuple[Floats, Floats, Floats]:
         """Return readings (m,), their derivatives (m, n) by removed lengths, and weights (n, n)."""
         adjustment = self.diagnosis.adjustment
-        taped = self._taped(ends, k)
+        taped = self._select_taped(ends, k)
         found, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
         used = np.array([j for j in without if self.takes_part[j]], dtype=np.int64)
         moved = np.einsum("mk,mkn->mn", gradient, self.pull[:, used][columns])
         weight: Floats = np.asarray(np.linalg.inv(self.cofactor[np.ix_(used, used)]), np.float64)
         return found + moved @ weight @ self.residual[used], moved, weight
 
-    def _taped(self, ends: tuple[Ints, Ints], k: int) -> TapedLengths:
+    def _select_taped(self, ends: tuple[Ints, Ints], k: int) -> TapedLengths:
         like = select_taped_lines(self.diagnosis.survey, np.full(len(ends[0]), self.line[k]))
         return TapedLengths(ends[0], ends[1], like.tape, like.level)
 
-    def told(self, code: str, rows: Sequence[int], words: MessageWords) -> Message:
+    def make_message(self, code: str, rows: Sequence[int], words: MessageWords) -> Message:
         """Make the message on a slip.
 
         Parameters
@@ -250,7 +250,7 @@ class SuspectLengths:
         ends = survey.label[survey.line_start[i]], survey.label[survey.line_end[i]]
         return self.name[k] if self._named else f"The length from {ends[0]} to {ends[1]}"
 
-    def compared(self, k: int) -> str:
+    def describe_difference(self, k: int) -> str:
         """Return ``reads 12.34 m, and should read about 11.34 ± 0.02 m: 1.00 m less``."""
         off = float(self.right_m[k] - self.reading_m[k])
         sigma, way = max(float(self.right_sigma_m[k]), 0.01), "more" if off > 0 else "less"
@@ -259,7 +259,7 @@ class SuspectLengths:
             f"{self.right_m[k]:.2f} ± {sigma:.2f} m: {abs(off):.2f} m {way}"
         )
 
-    def settled(self, rows: Sequence[int]) -> frozenset[str]:
+    def list_names(self, rows: Sequence[int]) -> frozenset[str]:
         """Return the names of some of the lengths."""
         return frozenset(self.diagnosis.survey.line_name[self.line[k]] for k in rows if self._named)
 
@@ -284,7 +284,7 @@ def find_suspect_lengths(diagnosis: Diagnosis) -> SuspectLengths:
     # Prediction errors of left-out lengths, and weights from both variances.
     error, weight = (survey.length_m[left_out] - seen) / own, own**2 / (own**2 + seen_sigma**2)
     rows = _find_stray_rows(adjustment)[: max(0, MAX_LENGTHS - len(left_out))]
-    pull, cofactor, residual = _of_rows(adjustment, rows)
+    pull, cofactor, residual = _compute_pulls(adjustment, rows)
     n, size = len(left_out), adjustment.problem.layout.size
     joint = np.zeros((n + len(rows), n + len(rows)))
     joint[np.arange(n), np.arange(n)] = weight
@@ -312,7 +312,7 @@ def _find_stray_rows(adjustment: Adjustment) -> Ints:
     return rows[np.argsort(-fall[rows], kind="stable")]
 
 
-def _of_rows(adjustment: Adjustment, rows: Ints) -> tuple[Floats, Floats, Floats]:
+def _compute_pulls(adjustment: Adjustment, rows: Ints) -> tuple[Floats, Floats, Floats]:
     """Return pulls (size, n), cofactors (n, n) and residuals (n,) of lengths that take part."""
     right = np.zeros((adjustment.problem.layout.size, len(rows)))
     if not len(rows):

@@ -18,14 +18,19 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey import SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis, find_usable_picks
+from uavgram.stages.refine.causes.hypothesis import (
+    GROSS_ERROR_LOG_ODDS,
+    Diagnosis,
+    Hypothesis,
+    find_usable_picks,
+)
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.causes.wrong_picks import swapped_message
 
 WRONG_DECREASE = 16.0
 """Decrease of the sum of squares without a length, above which its ends are examined."""
 
-DISTORTION = 0.03
+DISTORTED_SHARE = 0.03
 """Relative error of distances in a survey distorted by lengths between wrong labels."""
 
 MAX_PAIRS = 3
@@ -35,7 +40,7 @@ MAX_PAIRS = 3
 def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose pairs of labels that are swapped in all photos, so that lengths fit better."""
     survey = diagnosis.survey
-    wrong = _wrong_lengths(diagnosis)
+    wrong = _mark_wrong_lengths(diagnosis)
     ends = np.union1d(survey.line_start[wrong], survey.line_end[wrong])
     ends = ends[labels_of(diagnosis)[ends] >= 0]
     if not len(ends):
@@ -54,7 +59,7 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
         lines = np.flatnonzero(touched & wrong)
         # A single length between wrong labels explains as much if no other ends at either.
-        alone = PRICE if touched.sum() < 2 else 0.0
+        alone = GROSS_ERROR_LOG_ODDS if touched.sum() < 2 else 0.0
         right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
         right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
         fall, cost = _fall(diagnosis, a, b), diagnosis.adjustment.minimum.cost
@@ -69,7 +74,7 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         )
 
 
-def _wrong_lengths(diagnosis: Diagnosis) -> Bools:
+def _mark_wrong_lengths(diagnosis: Diagnosis) -> Bools:
     """Mark lengths (L,) that were left out, or do not fit."""
     wrong = diagnosis.refined.line_removed.copy()
     adjustment = diagnosis.adjustment
@@ -114,9 +119,9 @@ def _gain_of(diagnosis: Diagnosis, first: Ints, second: Ints) -> Floats:
         if at[start] < 0 or at[end] < 0:
             continue  # it takes no part, so its fit is unknown
         row = np.flatnonzero(np.isin(first, (start, end)) | np.isin(second, (start, end)))
-        swapped = [_exchanged(label, first[row], second[row]) for label in (start, end)]
+        swapped = [_exchange_labels(label, first[row], second[row]) for label in (start, end)]
         apart = [np.linalg.norm(world[a] - world[b], axis=-1) for a, b in ((start, end), swapped)]
-        sigma = np.hypot(survey.length_sigma_m[line], DISTORTION * survey.length_m[line])
+        sigma = np.hypot(survey.length_sigma_m[line], DISTORTED_SHARE * survey.length_m[line])
         squares = [((each - survey.length_m[line]) / sigma) ** 2 for each in apart]
         now, then = (np.log1p(np.nan_to_num(each, nan=np.inf)) for each in squares)
         gain[row] += now - then
@@ -149,7 +154,7 @@ def _fall(diagnosis: Diagnosis, first: int, second: int) -> float:
     a, v = _rows(diagnosis, old, at[ends[0][old]], at[ends[1][old]])
     pair = np.array(first), np.array(second)
     # Derivatives of the old lengths (a) and of the exchanged ones (b).
-    b, r = _rows(diagnosis, new, *(at[_exchanged(each[new], *pair)] for each in ends))
+    b, r = _rows(diagnosis, new, *(at[_exchange_labels(each[new], *pair)] for each in ends))
     solved = diagnosis.adjustment.minimum.factor.solve(np.concatenate([a, b]).T)
     to_a, to_b = solved[:, : len(old)], solved[:, len(old) :]
     # Q^-1; then residuals r and covariance B S' B^T of the exchanged lengths without the old ones.
@@ -180,7 +185,7 @@ def _rows(diagnosis: Diagnosis, line: Ints, start: Ints, end: Ints) -> tuple[Flo
     return dense, (length - diagnosis.survey.length_m[line]) / sigma
 
 
-def _exchanged(label: int | Ints, first: Ints, second: Ints) -> Ints:
+def _exchange_labels(label: int | Ints, first: Ints, second: Ints) -> Ints:
     """Return the label (n,) that replaces a label where each pair of labels is exchanged."""
     return np.asarray(np.where(first == label, second, np.where(second == label, first, label)))
 
@@ -256,7 +261,7 @@ def propose_swapped_by_two_views(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             # With it all picks of the photo take part again.
             mend=SurveyCorrection(label_of_pick={int(k): int(label[k]) for k in here} | right),
             promise=diagnosis.cost,  # everything should fit then
-            price=choices - PRICE * _count_regained(diagnosis, here),
+            price=choices - GROSS_ERROR_LOG_ODDS * _count_regained(diagnosis, here),
             settles=frozenset([survey.frame_id[frame]]),
         )
 

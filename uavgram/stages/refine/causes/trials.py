@@ -19,8 +19,8 @@ from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.correction import readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
+    GROSS_ERROR_LOG_ODDS,
     POSE_SIZE,
-    PRICE,
     Diagnosis,
     Hypothesis,
     correct_participants,
@@ -29,7 +29,7 @@ from uavgram.stages.refine.causes.hypothesis import (
 from uavgram.stages.refine.minima import FULL, adjust_on_trial
 from uavgram.stages.refine.noise import estimate_noise
 
-ENOUGH = 0.5
+CONTINUED_COST_SHARE = 0.5
 """Share of the cost below which a trial that did not converge is continued."""
 
 
@@ -66,7 +66,7 @@ class JudgedHypothesis:
     squares: float = 0.0
     regained: float = 0.0
 
-    def at_noise(self, noise: float) -> JudgedHypothesis:
+    def rescale_odds(self, noise: float) -> JudgedHypothesis:
         """Rescale the odds to a variance factor, the same for all that are not of the log."""
         if self.after is None:
             return self
@@ -112,7 +112,9 @@ def _judge(
         away = hypothesis.amount - float(found.value[0])
         gain -= away**2 / float(found.covariance[0, 0])
     back = _count_explained(diagnosis, hypothesis, gain)
-    return JudgedHypothesis(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
+    return JudgedHypothesis(
+        hypothesis, found, gain, gain / 2.0 + GROSS_ERROR_LOG_ODDS * back - hypothesis.price
+    )
 
 
 def _count_explained(diagnosis: Diagnosis, hypothesis: Hypothesis, gain: float) -> int:
@@ -164,7 +166,7 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     if (
         refined is not None
         and not refined.adjustment.minimum.converged
-        and Diagnosis(taking, refined).cost < ENOUGH * diagnosis.cost
+        and Diagnosis(taking, refined).cost < CONTINUED_COST_SHARE * diagnosis.cost
     ):
         refined = adjust_on_trial(taking, FULL) or refined
     # A freed unknown may end along a valley: its gain is at least that of its present state.
@@ -178,14 +180,14 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     regained = gain - squares
     if found is not None and hypothesis.freed is not None:
         # Bound the gain, as `freed` may remove more prior knowledge than that of the unknowns.
-        gain = min(gain, judged.gain + 2.0 * PRICE * diagnosis.left_out)
+        gain = min(gain, judged.gain + 2.0 * GROSS_ERROR_LOG_ODDS * diagnosis.left_out)
         squares = gain - regained
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
         found = HypothesisTest(gain, len(value), value, covariance)
     of_log = _noise_of_log(refined.adjustment, hypothesis)
     one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, noise, of_log, squares, regained)
-    return one.at_noise(noise)
+    return one.rescale_odds(noise)
 
 
 def _noise_of_core(adjustment: Adjustment) -> float:

@@ -20,9 +20,9 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import listed_photos
+from uavgram.model.naming import join_photo_names
 from uavgram.model.survey import Cause, SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.label_assignment import assign_labels
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.gross_errors import EITHER
@@ -166,7 +166,8 @@ def propose_photos_in_disorder(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
                 _disorder_message, diagnosis, {int(picks[k]): int(label[k]) for k in changed}
             ),
             mend=mend,
-            price=2.0 * PRICE * wrong + len(changed) * float(np.log(len(survey.label))),
+            price=2.0 * GROSS_ERROR_LOG_ODDS * wrong
+            + len(changed) * float(np.log(len(survey.label))),
             settles=frozenset([survey.frame_id[frame]]),
         )
 
@@ -215,7 +216,7 @@ def propose_photos_elsewhere(
             Cause(
                 message=_either_message(diagnosis, name) if is_either else _elsewhere_message(name),
                 mend=None if is_either else mend,
-                gain=4.0 * PRICE * len(picks),
+                gain=4.0 * GROSS_ERROR_LOG_ODDS * len(picks),
                 settles=frozenset([name]),
             )
         )
@@ -276,7 +277,7 @@ def _shows_the_ground(diagnosis: Diagnosis, frame: int, picks: Ints, pixel: Floa
 
 def _turned_message(frames: Sequence[str], how: str, _: HypothesisTest | None) -> Message:
     """Report photos that were shown mirrored or rotated."""
-    named = listed_photos(frames)
+    named = join_photo_names(frames)
     one = len(frames) == 1
     what, they = (
         (f"The photo {frames[0]!r} seems", "it was")
@@ -332,7 +333,7 @@ def _either_message(diagnosis: Diagnosis, frame: str) -> Message:
         "photo-elsewhere",
         f"One of the photos {' and '.join(map(repr, frames))} shows another place, was mirrored or "
         "turned, or has its labels in disorder, and nothing shows which: look at both. Only the "
-        f"picks of {listed_photos(used)} are used.",
+        f"picks of {join_photo_names(used)} are used.",
         frames=frames,
         plain="The two photos contradict each other: one of them shows another place.",
     )

@@ -16,7 +16,7 @@ from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import STRAY_DECREASE, find_stray_picks, labels_of
 from uavgram.stages.refine.gross_errors import OFF_GROUND_M
 from uavgram.stages.refine.off_ground import off_ground_message
@@ -58,7 +58,7 @@ def propose_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             message=partial(_height_message, adjustment.survey.label[k], int(picks[k])),
             mend=SurveyCorrection(free={index[k]: True}),
             moved=(one,),
-            price=PRICE + float(np.log(len(adjustment.survey.label))),
+            price=GROSS_ERROR_LOG_ODDS + float(np.log(len(adjustment.survey.label))),
         )
 
 

@@ -13,7 +13,7 @@ from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import photo_name
 from uavgram.model.survey import SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import (
     StrayPicks,
     find_stray_picks,
@@ -62,7 +62,7 @@ def propose_wrong_picks(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             message=None,
             mend=SurveyCorrection(without_picks=frozenset([int(pick)])),
             promise=float(fall),
-            price=2.0 * PRICE + float(np.log(number)),
+            price=2.0 * GROSS_ERROR_LOG_ODDS + float(np.log(number)),
         )
 
 

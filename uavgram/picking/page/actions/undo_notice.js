@@ -2,7 +2,7 @@
 // disappears when anything else is changed, here or by another page.
 
 /** @import { Change } from "../connection/protocol.js" */
-/** @import { Link } from "../connection/link.js" */
+/** @import { Link } from "../connection/socket.js" */
 /** @import { Instead, Notice } from "../elements/notice.js" */
 
 export class Offers {
