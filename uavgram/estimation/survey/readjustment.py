@@ -153,8 +153,8 @@ count as different."""
 ZERO_STEP = 1e-300
 """Squared length of a zero step."""
 
-MAX_ENTRIES = 250_000
-"""Numbers in the derivatives of all states that are evaluated together: 2 MB, which caches hold."""
+MAX_ENTRIES = 1_000_000
+"""Numbers in the derivatives of all states that are evaluated together: 8 MB."""
 
 
 @dataclass(frozen=True, eq=False)
