@@ -405,7 +405,7 @@ def make_measurements(values: list[float], sigmas: list[float]) -> MeasurementRe
 
 def test_a_value_within_its_interval_in_every_solution_is_the_only_one() -> None:
     rows = add_alternatives(
-        make_measurements([20.0, 30.0], [0.1, 0.1]), [(20.19, 30.0), (19.81, 30.21)], [0.0, 0.0]
+        make_measurements([20.0, 30.0], [0.1, 0.1]), [(20.19, 30.0), (19.81, 30.21)], [0.3, 0.3]
     )
 
     assert rows.alternative_values == ((), (30.21,))
@@ -414,14 +414,14 @@ def test_a_value_within_its_interval_in_every_solution_is_the_only_one() -> None
 
 def test_other_values_are_in_order_and_those_of_one_value_stand_once() -> None:
     others = [(31.2,), (44.9,), (12.0,), (44.95,), (31.35,)]
-    rows = add_alternatives(make_measurements([20.0], [0.1]), others, [0.0] * 5)
+    rows = add_alternatives(make_measurements([20.0], [0.1]), others, [0.1] * 5)
 
     assert rows.alternative_values == ((12.0, 31.2, 31.35, 44.9),)
 
 
 def test_what_has_no_value_here_or_there_is_not_marked() -> None:
     rows = add_alternatives(
-        make_measurements([np.nan, 20.0], [np.nan, 0.1]), [(5.0, np.nan)], [0.0]
+        make_measurements([np.nan, 20.0], [np.nan, 0.1]), [(5.0, np.nan)], [0.5]
     )
 
     assert rows.alternative_values == ((), ())
@@ -436,8 +436,8 @@ def test_one_solution_leaves_all_as_it_was() -> None:
 
 def test_sigma_and_interval_include_other_explanations_by_their_odds() -> None:
     before = make_measurements([20.0, 30.0], [0.1, 0.2])
-    # Odds of 1, and of 1 in 1000: 12 has a probability of about a half, 44 of next to nothing.
-    rows = add_alternatives(before, [(12.0, 32.0), (44.0, 30.0)], [0.0, -np.log(1000.0)])
+    # One explanation is as likely as the result, the other next to impossible.
+    rows = add_alternatives(before, [(12.0, 32.0), (44.0, 30.0)], [0.5, 0.001])
     # Mixture of both normal distributions, drawn at random; second moments about the result.
     rng = np.random.default_rng(5)
     chosen = np.where(rng.random(200_000)[:, None] < 0.5, [20.0, 30.0], [12.0, 32.0])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import ndtri, softmax
+from scipy.special import ndtri
 
 from uavgram.estimation.measuring.error_budget import Shifts
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
@@ -231,7 +231,7 @@ LEAST_PROBABILITY = 0.025
 def add_alternatives(
     measurements: MeasurementResults,
     values: Sequence[Sequence[float]],
-    log_odds: Sequence[float],
+    probability: Sequence[float],
 ) -> MeasurementResults:
     """Include other explanations of the observations in values, sigmas and intervals.
 
@@ -241,8 +241,9 @@ def add_alternatives(
         M measurements of the result.
     values
         The M values under each of K other explanations; NaN where it has none.
-    log_odds
-        (K,) logarithms of their odds against the result.
+    probability
+        (K,) their probabilities; those of explanations that exclude each other add up to less than
+        one, the rest is that of the result.
 
     Returns
     -------
@@ -265,8 +266,7 @@ def add_alternatives(
         _distinct(np.sort(column[there]), SAME_SIGMAS * sigma)
         for column, there, sigma in zip(table.T, outside.T, measurements.sigma, strict=True)
     )
-    probability = softmax([0.0, *log_odds])[1:]
-    likely = outside & (probability >= LEAST_PROBABILITY)[:, None]
+    likely = outside & (np.asarray(probability) >= LEAST_PROBABILITY)[:, None]
     if not likely.any():
         return replace(measurements, alternative_values=alternative_values)
     away = np.where(likely, table - measurements.value, 0.0)

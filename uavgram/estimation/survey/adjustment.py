@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.special import softmax
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Covariance, Factor
@@ -404,8 +405,9 @@ class Refined:
     causes
         Explanations of the misfits, likeliest first.
     explanations
-        Solutions without the mistakes that the result does not take into account, and with all
-        photos mirrored, if the log does not rule it out.
+        Solutions without the mistakes that the result does not take into account, those that
+        exclude each other in one group; and the solution with all photos mirrored, if the log does
+        not rule it out.
     matches_left_out
         Rows of the project's picks: matches that do not fit the sightings in other photos.
     """
@@ -427,7 +429,7 @@ class Refined:
     rival_lines: frozenset[str] = frozenset()
     rival_clicks: Mapping[str, Adjustment] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
-    explanations: tuple[Explanation, ...] = ()
+    explanations: tuple[tuple[Explanation, ...], ...] = ()
     matches_left_out: frozenset[int] = frozenset()
 
     @property
@@ -441,10 +443,19 @@ class Refined:
         """Names of lengths and frames whose misfit a cause explains."""
         return frozenset().union(*(cause.settles for cause in self.causes))
 
-    def list_explanations(self) -> tuple[Explanation, ...]:
-        """List all other explanations of the observations: minima, rivals and causes."""
-        minima = (*self.alternatives, *self.rival_clicks.values())
-        return (*(self.explain(one) for one in minima), *self.explanations)
+    def list_explanations(self) -> tuple[tuple[Adjustment, float], ...]:
+        """List all other explanations of the observations, and the probability of each.
+
+        The question which minimum is right is independent of the question which mistake was made.
+        """
+        minima = tuple(map(self.explain, (*self.alternatives, *self.rival_clicks.values())))
+        return tuple(
+            (one.adjustment, float(probability))
+            for group in (minima, *self.explanations)
+            for one, probability in zip(
+                group, softmax([0.0, *(one.log_odds for one in group)])[1:], strict=True
+            )
+        )
 
     def explain(self, other: Adjustment, prior_log_odds: float = 0.0) -> Explanation:
         """Compute the odds of another minimum by the likelihood ratio, and those beforehand.

@@ -328,10 +328,8 @@ def _measure(
         curvature, more = check_second_order(refined.adjustment, values, table, frames)
         messages += more
     rivals = refined.list_explanations()
-    others = tuple(
-        tuple(measure(one.adjustment, inputs.requests, frames)[0].value) for one in rivals
-    )
-    table = add_alternatives(table, others, [one.log_odds for one in rivals])
+    others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one, _ in rivals)
+    table = add_alternatives(table, others, [probability for _, probability in rivals])
     return _Measurements(table, curvature, others[: len(refined.alternatives)], messages)
 
 

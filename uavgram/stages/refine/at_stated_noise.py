@@ -50,7 +50,7 @@ class StatedNoiseAdjustment(NamedTuple):
         Causes that explain the misfit.
     explanations
         The survey adjusted without the mistakes that the result does not take into account, and
-        that leave it in use.
+        that leave it in use; a group for each cause.
     messages
         Messages on control, and on heights that no observation determines.
     """
@@ -60,7 +60,7 @@ class StatedNoiseAdjustment(NamedTuple):
     refined: Refined
     off_ground: list[str]
     causes: tuple[Cause, ...]
-    explanations: tuple[Explanation, ...]
+    explanations: tuple[tuple[Explanation, ...], ...]
     messages: tuple[Message, ...]
 
 
@@ -126,9 +126,8 @@ def adjust_at_stated_noise(
             refined = replace(refined, pick_removed=removed)
     # A cause that makes the verdict red forbids the use of the values, whatever their sigmas.
     explanations = tuple(
-        one
+        explained
         for cause, explained in zip(causes, found.explanations, strict=True)
-        for one in explained
         if not cause.is_accounted and entry_of(cause.message.code).effect is not Effect.RED
     )
     return StatedNoiseAdjustment(

@@ -707,15 +707,17 @@ def _leave_out_each_known_thing(whole: Participants) -> Iterator[Participants]:
 
 
 def _leave_out_each_length(whole: Participants) -> Iterator[Participants]:
-    """Leave out all lengths where there is a log, otherwise each of them.
+    """Leave out all lengths where there is a log, and each one where no other photo checks it.
 
-    First values without a log may depend on a wrong length. Where all lengths are in another unit,
-    they and the log may force all other observations into agreement with them.
+    First values without a log may depend on a wrong length, and so may the pose of a single photo
+    with one. Where all lengths are in another unit, they and the log may force all other
+    observations into agreement with them.
     """
-    lines = np.flatnonzero(~whole.line_removed).tolist()
-    if whole.survey.telemetry is not None and lines:
+    survey, lines = whole.survey, np.flatnonzero(~whole.line_removed).tolist()
+    if survey.telemetry is not None and lines:
         yield whole.leave_out_lines(lines)
-    elif 3 < len(lines) <= MOST_STARTS:
+    is_alone = len(np.unique(survey.pick_frame[whole.keep])) == 1
+    if (survey.telemetry is None or is_alone) and 3 < len(lines) <= MOST_STARTS:
         yield from (whole.leave_out_lines([line]) for line in lines)
 
 

@@ -126,7 +126,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     mirrored = find_mirrored_solution(refined.adjustment)
     if mirrored is not None:
         mirrored_explanation = refined.explain(mirrored, -PRIOR_LOG_ODDS)
-        refined = replace(refined, explanations=(*refined.explanations, mirrored_explanation))
+        refined = replace(refined, explanations=(*refined.explanations, (mirrored_explanation,)))
         search.append(report_undecided())
     # Report a point off the ground once, with its adjusted height.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))

@@ -102,7 +102,7 @@ def test_where_the_log_decides_nothing_the_mirror_image_is_compared() -> None:
     scene = make_scene(6, frames=1, labels=10, tilt=0.0)
     refined, messages = refine(scene.survey, SolveOptions())
     assert [m.level for m in messages if m.code == "mirrored-undecided"] == ["info"]
-    (mirrored,) = refined.explanations
+    ((mirrored,),) = refined.explanations
     there, here = (one.state.point[:, :2] for one in (mirrored.adjustment, refined.adjustment))
     apart = np.linalg.norm(here[:, None] - here[None], axis=2)
     image = np.linalg.norm(there[:, None] - there[None], axis=2)

@@ -208,7 +208,7 @@ def _identify_in_turn(
         if best.hypothesis.message is not None:
             causes.append(_add_remedies(_cause(best, rival), best, rival, stated.survey))
             freed.append(_choose_release(best, rival))
-            explanations.append(_list_explanations(best, rival))
+            explanations.append(_list_explanations(diagnosis, best, rival))
         if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
             wrong |= best.hypothesis.mend.picks
             right |= best.hypothesis.back
@@ -229,10 +229,18 @@ def _identify_in_turn(
 
 
 def _list_explanations(
-    best: JudgedHypothesis, rival: JudgedHypothesis | None
+    diagnosis: Diagnosis, best: JudgedHypothesis, rival: JudgedHypothesis | None
 ) -> tuple[Explanation, ...]:
-    """List the corrected surveys of a cause and its rival, where they were adjusted."""
-    judged = (best,) if rival is None else (best, rival)
+    """List the corrected surveys of a cause and its rivals, where they were adjusted."""
+    judged = [best] if rival is None else [best, rival]
+    mend = best.hypothesis.remedy or best.hypothesis.mend
+    if (
+        mend is not None
+        and (swapped := find_label_exchange_instead(diagnosis.survey, mend)) is not None
+    ):
+        # Exchanged labels move no length: the residuals are those of the cause, and so the odds.
+        exchange = replace(best, hypothesis=Hypothesis(message=None, mend=swapped), found=None)
+        judged.append(replace(try_hypothesis(diagnosis, exchange), odds=best.odds))
     return tuple(
         Explanation(one.after.adjustment, one.odds) for one in judged if one.after is not None
     )
