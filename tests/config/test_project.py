@@ -136,6 +136,7 @@ def test_patterns_find_photos_in_a_folder_whose_name_holds_glob_characters(tmp_p
             "longitude_deg: is missing",
         ),
         ("telemetry:\n  position_sigma_m: [1]\n", 5, "must be a list of 2 numbers (got [1])"),
+        ("leave_out: 34\n", 4, "leave_out: must be a list of names such as [a, b] (got 34)"),
         ("telemetry:\n  position_sigma_m: 1\n", 5, "list of numbers such as [1.0, 2.0] or auto"),
         ("telemetry:\n  position_bias_sigma_m: [1, 2, 3]\n", 5, "must be a list of 2 numbers"),
         ("mount:\n  lever_arm_m:\n    - 0\n    - x\n    - 0\n", 7, "mount.lever_arm_m[1]: must be"),

@@ -141,9 +141,10 @@ def _explain(found: _Found, schema: type, data: Plain) -> list[Fault]:
         hint = ": put it in quotes" if isinstance(value, int | float) else ""
     elif found.kind == "float_type":
         hint = _number_hint(value)
-    return [
-        Fault(at, f"must be {_describe_expected_type(found)} (got {format_value(value)}){hint}")
-    ]
+    expected = _describe_expected_type(found)
+    if found.kind == "tuple_type" and str in get_args(find_type(schema, at)):
+        expected = "a list of names such as [a, b]"
+    return [Fault(at, f"must be {expected} (got {format_value(value)}){hint}")]
 
 
 def _explain_range(at: KeyPath, error: ValueError, data: Plain) -> list[Fault]:

@@ -37,7 +37,7 @@ FRICTION_AND_TIMES = ErrorSource(
 OTHER_EXPLANATIONS = ErrorSource(
     "other explanations",
     "other poses or mistakes that explain the observations as well",
-    "The messages say what would decide between them.",
+    "The reading that a message asks for would decide between them.",
 )
 """Source of the difference between a value and its values under other explanations."""
 

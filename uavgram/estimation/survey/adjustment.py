@@ -458,7 +458,7 @@ class Refined:
         )
 
     def explain(self, other: Adjustment, prior_log_odds: float = 0.0) -> Explanation:
-        """Compute the odds of another minimum by the likelihood ratio, and those beforehand.
+        """Compute the odds of another minimum: the likelihood ratio times the prior odds.
 
         Without the same observations the costs do not compare, and the ratio is taken as one.
         """

@@ -27,7 +27,7 @@ LENS = ErrorSource(
 )
 ROLLING_SHUTTER = ErrorSource(
     "rolling shutter",
-    "how well it is known in which time the camera reads a photo, row after row",
+    "how well the readout time of the camera is known (it reads a photo row by row)",
     "Flying slower, or `readout_ms` in camera.yaml, would help there.",
 )
 
