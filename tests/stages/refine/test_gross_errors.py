@@ -123,6 +123,18 @@ def test_the_misfit_is_that_against_the_prediction_of_all_others(kind: str, weig
             assert found == pytest.approx(baarda, rel=1e-3, abs=1e-6)
 
 
+def test_noise_of_a_kind_does_not_excuse_what_the_others_predict_coarsely() -> None:
+    """Two of four lengths contradict the log, which predicts each less exactly than it reads."""
+    survey = make_scene(5, **{**LOG, "lines": 4}).survey
+    wrong = replace(survey, length_m=survey.length_m * [1.0, 2.0, 1.0, 2.0])
+    problem, start = (getattr(with_all(survey).adjustment, name) for name in ("problem", "state"))
+    problem = SurveyProblem(wrong, problem.pivot_m, np.ones(4, dtype=np.bool_))
+    weight = {"lengths": np.full(4, ZERO_WEIGHT)}
+    minimum = robust_adjustment.minimise_weighted_cost(problem, start, weight)
+    found = robust_adjustment._compute_misfits(problem, minimum, weight)["lengths"]
+    assert (found > GROSS_SIGMAS).tolist() == [False, True, False, True]
+
+
 # --- one gross error ----------------------------------------------------------------------------
 
 
