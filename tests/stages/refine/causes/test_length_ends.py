@@ -47,6 +47,17 @@ def test_elsewhere_the_other_lengths_tell(survey: Survey, mend: SurveyCorrection
     assert find_label_exchange_instead(survey, mend) is None
 
 
+def test_two_lengths_with_exchanged_ends_may_be_swapped_labels(survey: Survey) -> None:
+    """Only these two lengths end at the labels 1 and 3, each at one of them."""
+    found = find_label_exchange_instead(
+        survey, SurveyCorrection(ends={0: Ends(0, 3), 1: Ends(2, 1)})
+    )
+    assert found is not None
+    assert set(found.label_of_pick.values()) == {1, 3}
+    one = SurveyCorrection(ends={0: Ends(0, 3)})
+    assert find_label_exchange_instead(survey, one) is None
+
+
 def test_swapped_labels_explain_the_survey_as_well_as_another_end() -> None:
     """Only one length ends at either label, so it may be from the other one."""
     ends = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4))

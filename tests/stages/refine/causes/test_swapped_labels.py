@@ -13,7 +13,11 @@ from scenes import Scene
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes
-from uavgram.stages.refine.causes.swapped_labels import _misfit, propose_swapped_by_two_views
+from uavgram.stages.refine.causes.swapped_labels import (
+    _misfit,
+    propose_swapped_by_two_views,
+    propose_swapped_everywhere,
+)
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
 OPTIONS = {"frames": 2, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
@@ -46,6 +50,30 @@ def test_two_labels_that_changed_places_in_one_of_two_photos_are_told_and_put_ba
     assert cause.message.mend.words.startswith("Swap ")
     assert cause.mend is not None
     assert correct_survey(wrong, cause.mend).pick_label.tolist() == survey.pick_label.tolist()
+
+
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_two_labels_swapped_in_the_only_photo_are_found_among_all_pairs(
+    scene_factory: Callable[..., Scene], seed: int
+) -> None:
+    """Lengths between wrong labels distort the pose, and so the places of all points."""
+    options = {"frames": 1, "labels": 10, "lines": 7, "spread": 6.0, "tilt": 0.5}
+    survey = scene_factory(seed, telemetry=False, gauge="plane", **options).survey
+    survey = replace(survey, line_name=tuple(f"L{k}" for k in range(len(survey.line_start))))
+    number = np.bincount(np.append(survey.line_start, survey.line_end), minlength=10)
+    first, second = np.argsort(-number, kind="stable")[[0, 2]]
+    label = survey.pick_label.copy()
+    is_first, is_second = label == first, label == second
+    label[is_first], label[is_second] = second, first
+    wrong = replace(survey, pick_label=label)
+
+    taking = Participants(
+        wrong, np.ones(len(label), dtype=np.bool_), np.zeros(7, dtype=np.bool_), {}
+    )
+    diagnosis = Diagnosis(taking, find_best_minima(taking))
+    best = max(propose_swapped_everywhere(diagnosis), key=lambda one: one.promise)
+    assert best.mend is not None
+    assert correct_survey(wrong, best.mend).pick_label.tolist() == survey.pick_label.tolist()
 
 
 def test_a_homography_fits_where_opencv_finds_one() -> None:

@@ -76,27 +76,30 @@ def propose_other_ends(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 
 
 def find_label_exchange_instead(survey: Survey, mend: SurveyCorrection) -> SurveyCorrection | None:
-    """Return an exchange of two labels in all photos that is as good as another end of a length.
+    """Return an exchange of two labels in all photos that is as good as other ends of lengths.
 
-    This is the case where no other length ends at either label: then it is undetermined which of
-    the two mistakes was made.
+    This is the case where each corrected length has one label of the two in place of the other, and
+    no further length ends at either: then it is undetermined which of the two mistakes was made.
 
     Parameters
     ----------
     survey
         All observations as stated.
     mend
-        Correction of a cause; only one length with one other end has such a rival.
+        Correction of a cause.
     """
-    if len(mend.ends) != 1:
+    exchanged = {
+        frozenset((int(survey.line_start[line]), int(survey.line_end[line])))
+        ^ frozenset((ends.start, ends.end))
+        for line, ends in mend.ends.items()
+    }
+    if len(exchanged) != 1:
         return None
-    ((line, ends),) = mend.ends.items()
-    was = {int(survey.line_start[line]), int(survey.line_end[line])}
-    pair = was ^ {ends.start, ends.end}
+    (pair,) = exchanged
     if len(pair) != 2:
         return None
     start, end = (np.isin(each, list(pair)) for each in (survey.line_start, survey.line_end))
-    if np.count_nonzero(start ^ end) > 1:
+    if not np.isin(np.flatnonzero(start ^ end), list(mend.ends)).all():
         return None
     first, second = sorted(pair)
     right = {int(k): second for k in np.flatnonzero(survey.pick_label == first)}

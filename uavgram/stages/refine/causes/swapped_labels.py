@@ -8,16 +8,19 @@ the right one makes it fit.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from uavgram.estimation.first_poses.first_values import estimate_length_poses
+from uavgram.estimation.first_poses.length_poses import compare_with_seed
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.reliability.redundancy import compute_core_fit, compute_reductions
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.survey import SurveyCorrection
+from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
     Diagnosis,
@@ -40,38 +43,127 @@ MAX_PAIRS = 3
 def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose pairs of labels that are swapped in all photos, so that lengths fit better."""
     survey = diagnosis.survey
+    spoilt = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
+    labels = len(diagnosis.adjustment.survey.label)
+    is_single = len(np.unique(survey.pick_frame[find_usable_picks(diagnosis.taking)])) == 1
+    rank = _rank_by_other_poses if is_single else _rank_by_places
     wrong = _mark_wrong_lengths(diagnosis)
+    for (a, b), promise in rank(diagnosis, np.flatnonzero(wrong)):
+        touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
+        lines = np.flatnonzero(touched & (wrong | is_single))
+        # A single length between wrong labels explains as much if no other ends at either.
+        alone = GROSS_ERROR_LOG_ODDS if touched.sum() < 2 else 0.0
+        right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
+        right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
+        yield Hypothesis(
+            message=partial(_swapped_everywhere_message, diagnosis, (a, b), lines),
+            mend=SurveyCorrection(label_of_pick=right),
+            is_clear=not alone,
+            back=spoilt,  # lengths between wrong labels distort everything, including whole photos
+            promise=promise,
+            price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
+            settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
+        )
+
+
+def _rank_by_places(diagnosis: Diagnosis, wrong: Ints) -> list[tuple[tuple[int, int], float]]:
+    """List pairs of labels whose exchange lets lengths fit between the points as adjusted.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    wrong
+        Lengths that were left out, or do not fit.
+
+    Returns
+    -------
+    The best pairs, and the expected decrease of the sum of squares.
+    """
+    survey = diagnosis.survey
     ends = np.union1d(survey.line_start[wrong], survey.line_end[wrong])
     ends = ends[labels_of(diagnosis)[ends] >= 0]
     if not len(ends):
-        return
-    spoilt = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
+        return []
     first, second, better = _gains(diagnosis, ends)
-    labels = len(diagnosis.adjustment.survey.label)
     best = np.argsort(-better, kind="stable")[:MAX_PAIRS]
     # Left-out lengths do not distort the points, so their places as adjusted are sufficient;
     # a decrease above the whole cost means that the linear model does not hold.
     none_left_out = (
         diagnosis.adjustment.minimum.converged and not diagnosis.refined.line_removed.any()
     )
-    pairs = zip(first[best].tolist(), second[best].tolist(), better[best].tolist(), strict=True)
-    for a, b, easier in pairs:
-        touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
-        lines = np.flatnonzero(touched & wrong)
-        # A single length between wrong labels explains as much if no other ends at either.
-        alone = GROSS_ERROR_LOG_ODDS if touched.sum() < 2 else 0.0
-        right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
-        right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
-        fall, cost = _fall(diagnosis, a, b), diagnosis.adjustment.minimum.cost
-        yield Hypothesis(
-            message=partial(_swapped_everywhere_message, diagnosis, (a, b), lines),
-            mend=SurveyCorrection(label_of_pick=right),
-            is_clear=not alone,
-            back=spoilt,  # lengths between wrong labels distort everything, including whole photos
-            promise=max(min(fall, cost), 0.0 if none_left_out else easier),
-            price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
-            settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
-        )
+    cost = diagnosis.adjustment.minimum.cost
+    pairs = zip(first[best].tolist(), second[best].tolist(), strict=True)
+    return [
+        (pair, max(min(_fall(diagnosis, *pair), cost), 0.0 if none_left_out else easier))
+        for pair, easier in zip(pairs, better[best].tolist(), strict=True)
+    ]
+
+
+def _rank_by_other_poses(diagnosis: Diagnosis, _: Ints) -> list[tuple[tuple[int, int], float]]:
+    """List pairs of labels of the only photo whose exchange lets all lengths fit in some pose.
+
+    Lengths between wrong labels distort the pose of a single photo, and so all of its points. Hence
+    each exchange gets a pose of its own: all are estimated together, as if each were a photo.
+
+    Returns
+    -------
+    The best pairs, and the expected decrease of the sum of squares.
+    """
+    survey = diagnosis.survey
+    picks = np.flatnonzero(find_usable_picks(diagnosis.taking))
+    shown = np.unique(survey.pick_label[picks])
+    ends = np.intersect1d(shown, np.union1d(survey.line_start, survey.line_end))
+    if not len(ends) or len(shown) > MAX_LABELS:
+        return []
+    pairs = [(int(a), int(b)) for a in ends for b in shown if a < b or b not in ends]
+    label = np.tile(survey.pick_label[picks], (len(pairs), 1))
+    for own, (a, b) in zip(label, pairs, strict=True):
+        own[:] = _exchange_labels(own, a, b)
+    cost = _compute_least_costs(survey, picks, label)
+    best = np.argsort(cost, kind="stable")[:MAX_PAIRS]
+    return [(pairs[k], diagnosis.cost - float(cost[k])) for k in best if cost[k] < diagnosis.cost]
+
+
+def _compute_least_costs(survey: Survey, picks: Ints, label: Ints) -> Floats:
+    """Compute the least sum of squares (C,) of a photo's lengths, for labels as of each case.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    picks
+        (n,) picks of the photo.
+    label
+        (C, n) their labels in each case.
+    """
+    cases, frame = len(label), int(survey.pick_frame[picks[0]])
+    copies = replace(
+        survey,
+        frame_id=tuple(str(k) for k in range(cases)),
+        time_s=np.zeros(0),
+        time_sigma_s=np.zeros(0),
+        pick_frame=np.repeat(np.arange(cases), len(picks)),
+        pick_label=label.ravel(),
+        pixel_px=np.tile(survey.pixel_px[picks], (cases, 1)),
+        pick_sigma_px=np.tile(survey.pick_sigma_px[picks], cases),
+        target_pick=np.zeros(0, dtype=np.int64),
+    )
+    least = np.full(cases, np.inf)
+    for k, poses in estimate_length_poses(copies).items():
+        cost, is_found = poses.cost, poses.converged
+        if survey.seeds is not None:
+            seeds = survey.seeds
+            compared = compare_with_seed(
+                seeds.center_world_m[frame],
+                seeds.world_from_camera[frame],
+                seeds.covariance[frame],
+                survey.ground,
+                poses,
+            )
+            cost = cost + compared.squared_distance
+        least[k] = np.min(cost[is_found], initial=np.inf)
+    return least
 
 
 def _mark_wrong_lengths(diagnosis: Diagnosis) -> Bools:
@@ -185,7 +277,7 @@ def _rows(diagnosis: Diagnosis, line: Ints, start: Ints, end: Ints) -> tuple[Flo
     return dense, (length - diagnosis.survey.length_m[line]) / sigma
 
 
-def _exchange_labels(label: int | Ints, first: Ints, second: Ints) -> Ints:
+def _exchange_labels(label: int | Ints, first: int | Ints, second: int | Ints) -> Ints:
     """Return the label (n,) that replaces a label where each pair of labels is exchanged."""
     return np.asarray(np.where(first == label, second, np.where(second == label, first, label)))
 
