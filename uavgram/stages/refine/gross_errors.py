@@ -125,6 +125,10 @@ MISPLACED = LeftOut(
 )
 
 
+DISAGREEING = LeftOut(
+    LeftOutCause.GROSS, "all other observations contradict it, and leave no place for its point"
+)
+
 EITHER = LeftOut(
     LeftOutCause.MISPLACED_FRAME,
     "it and the other photo contradict each other, and nothing shows which of the two is wrong: "
@@ -1129,9 +1133,16 @@ def _adjust_without_candidate(candidate: Candidate) -> Robust | None:
     left = left.leave_out_picks(reason)
     unplaced = {k: first.pick_reason.get(k, MISPLACED) for k in candidate.unplaced.tolist()}
     placed = left.leave_out_picks(unplaced)
-    results = [_adjust_rest(placed, found)]
+    whole = None
     if unplaced:  # without the gross errors, first values may have a place for all picks
-        results.append(adjust_on_trial(left, FULL))
+        whole = adjust_on_trial(left, FULL)
+    if whole is not None:  # a pick that has a place there is not undetermined, but contradicts
+        placed = placed.leave_out_picks(
+            dict.fromkeys(
+                np.intersect1d(candidate.unplaced, whole.pick_index).tolist(), DISAGREEING
+            )
+        )
+    results = [_adjust_rest(placed, found), whole]
     number = int(left.keep.sum())
     refined = min(filter(None, results), key=lambda one: _cost_of_all(one, number), default=None)
     if refined is None:
