@@ -47,7 +47,7 @@ def raise_at(name: str, fault: BaseException, monkeypatch: pytest.MonkeyPatch) -
 
 WRITERS = [
     "read_preview", "write_geojson", "write_measurements_csv", "write_geopackage", "write_kml",
-    "write_local_dxf", "write_colmap_model", "write_report", "write_recording", "write_results",
+    "write_dxf", "write_colmap_model", "write_report", "write_recording", "write_results",
 ]  # fmt: skip
 
 

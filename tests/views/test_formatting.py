@@ -9,20 +9,21 @@ import numpy as np
 import pytest
 import synthetic_survey as survey
 
+from uavgram.model.naming import METRIC
 from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind
 from uavgram.views.formatting import (
     UNIT_WORDS,
     chance,
-    decimals_for,
     format_relative_sigma,
     format_with_sigma,
     number,
     order_worst_first,
 )
+from uavgram.views.units import decimals, display_unit
 
 
 @pytest.mark.parametrize(
-    ("sigma", "unit", "decimals"),
+    ("sigma", "unit", "places"),
     [
         (0.021, "m", 3),
         (0.0004, "m", 4),
@@ -32,8 +33,8 @@ from uavgram.views.formatting import (
         (25, "m2", 0),
     ],
 )
-def test_a_value_shows_two_digits_of_its_sigma(sigma: float, unit: str, decimals: int) -> None:
-    assert decimals_for(sigma, unit) == decimals
+def test_a_value_shows_two_digits_of_its_sigma(sigma: float, unit: str, places: int) -> None:
+    assert decimals(sigma, display_unit(unit, METRIC)) == places
 
 
 def test_a_value_and_its_sigma_end_at_the_same_digit() -> None:

@@ -74,17 +74,6 @@ WHY_TWO_ELLIPSES = (
 )
 
 
-def decimals_for(sigma: float, unit: str = "m") -> int:
-    """Return the decimals that show two significant digits of a sigma.
-
-    Lengths have at least centimetres and at most tenths of a millimetre.
-    """
-    least, most = (2, 4) if unit == "m" else (0, 4)
-    if not math.isfinite(sigma) or sigma <= 0:
-        return max(least, 2)
-    return min(max(1 - math.floor(math.log10(sigma)), least), most)
-
-
 def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
     """Format a number with fixed decimals; an en dash for NaN, and no negative zero.
 
@@ -99,8 +88,7 @@ def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
     """
     if not math.isfinite(value):
         return "–"
-    text = f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
-    return text if float(text) else f"{0:.{decimals}f}"
+    return shown_units.format_fixed(value, decimals, signed=signed)
 
 
 def size_text(length_m: float) -> str:

@@ -35,7 +35,6 @@ from uavgram.model.maps import Paper
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
 from uavgram.views import formatting
-from uavgram.views.page_breaks import Layout, Sheet, improve_pages
 from uavgram.views.units import (
     convert_sentence,
     exact_lengths,
@@ -397,17 +396,7 @@ PAPER_SIZES: dict[Paper, str] = {"a4": "A4", "letter": "letter"}
 """Names of the paper sizes in style sheets."""
 
 
-MAX_LAYOUTS = 4
-"""Number of times that a page is laid out, at most, until its paper is filled."""
-
-
-def page_pdf(
-    html: str,
-    sheet: str,
-    name: str,
-    margins_mm: tuple[float, float] | None = None,
-    **options: object,
-) -> bytes:
+def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
     """Lay a page out on paper; nothing is loaded that is not in the page itself.
 
     Parameters
@@ -418,8 +407,6 @@ def page_pdf(
         Additional style sheet: at least the size of the paper.
     name
         Name of the file without its ending, for messages.
-    margins_mm
-        Margins above and below the text where the pages are to be filled (see `improve_pages`).
     **options
         Options of WeasyPrint's ``write_pdf``.
 
@@ -436,34 +423,9 @@ def page_pdf(
         short, parts = split_page(convert_tables_to_text(html))
         inside = _fetcher(weasyprint, parts)
         source = weasyprint.HTML(string=short, url_fetcher=inside)
-        finisher = options.pop("finisher", None)
-        styles: tuple[str, ...] = (SHEET + sheet,)
-        layouts: list[Layout] = []
-        while len(layouts) < MAX_LAYOUTS:
-            laid_out = source.render(
-                stylesheets=[weasyprint.CSS(string=one) for one in styles], **options
-            )
-            sheets = _locate_elements(laid_out, margins_mm) if margins_mm else ()
-            layouts.append(Layout(styles, sheets))
-            if (better := improve_pages(layouts)) == styles:
-                break
-            styles = better
-        page: bytes = laid_out.write_pdf(finisher=finisher, **options)
-    return page
-
-
-def _locate_elements(laid_out: Any, margins_mm: tuple[float, float]) -> tuple[Sheet, ...]:  # noqa: ANN401
-    """Return where the elements with an id are on the pages of WeasyPrint's document."""
-    above, below = (96 / 25.4 * margin for margin in margins_mm)
-    return tuple(
-        Sheet(
-            top=above,
-            bottom=page.height - below,
-            filled=max((at[-1] for at in page.anchors.values()), default=page.height - below),
-            places={name: at[1] for name, at in page.anchors.items()},
-        )
-        for page in laid_out.pages
-    )
+        styles = [weasyprint.CSS(string=SHEET + sheet)]
+        written: bytes = source.write_pdf(stylesheets=styles, **options)
+    return written
 
 
 @contextmanager

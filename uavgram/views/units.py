@@ -234,9 +234,9 @@ def table_unit(units: Units) -> DisplayUnit:
     return display_unit("m", units)
 
 
-def format_fixed(value: float, places: int) -> str:
-    """Format a number with fixed decimals and without a negative zero."""
-    text = f"{value:.{places}f}"
+def format_fixed(value: float, places: int, *, signed: bool = False) -> str:
+    """Format a number with fixed decimals, a plus sign if `signed`, and no negative zero."""
+    text = f"{value:+.{places}f}" if signed else f"{value:.{places}f}"
     return text if float(text) else f"{0:.{places}f}"
 
 

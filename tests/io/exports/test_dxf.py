@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,9 +24,9 @@ from ezdxf.filemanagement import readfile
 from ezdxf.math import ConstructionEllipse
 from pyproj import Geod, Transformer
 
-from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
+from uavgram.io.exports.dxf import write_dxf
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.maps import Features, Layer, Looks
+from uavgram.model.maps import Features, Layer
 from uavgram.model.result.result import Result
 from uavgram.views.style import LOOKS
 
@@ -36,7 +36,7 @@ def drawing(
     request: pytest.FixtureRequest, features: Features, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[str, Drawing]:
     path = tmp_path_factory.mktemp("dxf") / f"{request.param}.dxf"
-    (write_local_dxf if request.param == "local" else write_map_dxf)(features, path, LOOKS)
+    write_dxf(features, path, LOOKS, on_map=request.param != "local")
     return request.param, readfile(path)
 
 
@@ -74,7 +74,7 @@ def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(
 def test_cameras_and_what_they_show_lie_on_the_map_where_they_are_from_the_origin(
     features: Features, tmp_path: Path
 ) -> None:
-    write_map_dxf(features, tmp_path / "map.dxf", LOOKS)
+    write_dxf(features, tmp_path / "map.dxf", LOOKS, on_map=True)
     space = readfile(tmp_path / "map.dxf").modelspace()
     cameras = [point.dxf.location for point in space.query("POINT")]
     corners = [
@@ -151,8 +151,8 @@ def test_the_drawing_says_what_its_coordinates_are(
 
 def test_a_survey_without_a_place_has_no_map(adrift: Features, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="needs a georeferenced survey"):
-        write_map_dxf(adrift, tmp_path / "map.dxf", LOOKS)
-    write_local_dxf(adrift, tmp_path / "local.dxf", LOOKS)
+        write_dxf(adrift, tmp_path / "map.dxf", LOOKS, on_map=True)
+    write_dxf(adrift, tmp_path / "local.dxf", LOOKS)
     assert readfile(tmp_path / "local.dxf").audit().errors == []
 
 
@@ -384,16 +384,16 @@ def covering(document: Drawing) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_no_text_covers_another(seed: int, tmp_path: Path) -> None:
-    write_local_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf", LOOKS)
+    write_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf", LOOKS)
 
     assert covering(readfile(tmp_path / "random.dxf")) == []
 
 
-@pytest.mark.parametrize("write", [write_local_dxf, write_map_dxf])
+@pytest.mark.parametrize("on_map", [False, True])
 def test_no_text_of_a_whole_survey_covers_another(
-    features: Features, write: Callable[[Features, Path, Looks], None], tmp_path: Path
+    features: Features, *, on_map: bool, tmp_path: Path
 ) -> None:
-    write(features, tmp_path / "survey.dxf", LOOKS)
+    write_dxf(features, tmp_path / "survey.dxf", LOOKS, on_map=on_map)
     document = readfile(tmp_path / "survey.dxf")
 
     assert len(shown_texts(document)) > 20
@@ -434,7 +434,7 @@ MOST_LETTERS = 15.0
 
 @pytest.mark.parametrize("seed", range(100, 106))
 def test_no_text_is_far_from_what_it_names(seed: int, tmp_path: Path) -> None:
-    write_local_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf", LOOKS)
+    write_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf", LOOKS)
 
     assert letters_apart(readfile(tmp_path / "random.dxf")).max() < MOST_LETTERS
 
@@ -447,7 +447,7 @@ def test_a_net_of_lengths_between_all_points_keeps_its_texts(tmp_path: Path) -> 
     layers = tuple(
         _lengths(place, pairs) if one.name == "known_lengths" else one for one in survey.layers
     )
-    write_local_dxf(replace(survey, layers=layers), tmp_path / "net.dxf", LOOKS)
+    write_dxf(replace(survey, layers=layers), tmp_path / "net.dxf", LOOKS)
     document = readfile(tmp_path / "net.dxf")
 
     assert len(document.modelspace().query('DIMENSION[layer=="KNOWN_LENGTHS"]')) == len(pairs)
@@ -460,7 +460,7 @@ def test_a_line_leads_to_a_label_that_is_not_beside_its_point(tmp_path: Path) ->
     points = survey.layer("points")
     together = replace(points, vertices_m=tuple(np.zeros((1, 3)) for _ in points.vertices_m))
     many = replace(survey, layers=(_nothing(), _nothing("measured_lines"), together))
-    write_local_dxf(many, tmp_path / "crowd.dxf", LOOKS)
+    write_dxf(many, tmp_path / "crowd.dxf", LOOKS)
     document = readfile(tmp_path / "crowd.dxf")
     lines = document.modelspace().query('LINE[layer=="LABELS"]')
 
@@ -499,7 +499,7 @@ def test_names_that_look_like_codes_are_read_as_they_are(tmp_path: Path) -> None
             attributes={**attributes, "label": tuple(CODES)},  # type: ignore[dict-item]
         ),
     )
-    write_local_dxf(replace(survey, layers=layers, name=CODES[0]), tmp_path / "codes.dxf", LOOKS)
+    write_dxf(replace(survey, layers=layers, name=CODES[0]), tmp_path / "codes.dxf", LOOKS)
     document, _ = recover.readfile(tmp_path / "codes.dxf")  # decodes as programs do
     space = document.modelspace()
     shown = [name.replace("\t", " ") for name in CODES]

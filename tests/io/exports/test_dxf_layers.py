@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from raised_survey import PROFILE, raised
 
-from uavgram.io.exports.dxf import write_local_dxf
+from uavgram.io.exports.dxf import write_dxf
 from uavgram.io.exports.dxf_layers import count_decimals, spread_places
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import ProfileSheet
@@ -33,7 +33,7 @@ TWO_SIGMA = 1.959964
 
 def drawn(result: Result, profiles: ProfileResults, folder: Path) -> Drawing:
     features = features_of(replace(result, profiles=profiles), None)
-    write_local_dxf(features, folder / "s.dxf", LOOKS)
+    write_dxf(features, folder / "s.dxf", LOOKS)
     document = readfile(folder / "s.dxf")
     assert document.audit().errors == []
     assert document.audit().fixes == []
@@ -129,7 +129,7 @@ def inserts(document: Drawing, name: str) -> Iterable[Any]:
 
 
 def test_without_profiles_there_is_no_layer_of_them(result: Result, tmp_path: Path) -> None:
-    write_local_dxf(features_of(result, None), tmp_path / "s.dxf", LOOKS)
+    write_dxf(features_of(result, None), tmp_path / "s.dxf", LOOKS)
     document = readfile(tmp_path / "s.dxf")
 
     assert not [name for name in document.layout_names() if name.startswith("Profile")]

@@ -25,7 +25,7 @@ from pyproj import Transformer
 from raised_survey import RAISED, raised
 from unsure import unsure
 
-from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
+from uavgram.io.exports.dxf import write_dxf
 from uavgram.io.exports.gis import write_geopackage
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list
@@ -203,7 +203,7 @@ def drawing(
 ) -> tuple[float, Drawing]:
     """Height of the world's zero, and the drawing."""
     path = tmp_path_factory.mktemp("dxf") / "s.dxf"
-    (write_local_dxf if request.param == "local" else write_map_dxf)(shapes, path, LOOKS)
+    write_dxf(shapes, path, LOOKS, on_map=request.param != "local")
     document = readfile(path)
     assert document.audit().errors == []
     assert document.audit().fixes == []
@@ -412,7 +412,7 @@ def test_it_stands_in_the_drawing_where_a_person_did_not_pick_alone(
     found: tuple[Result, str, str], tmp_path: Path
 ) -> None:
     result, target, matched = found
-    write_local_dxf(features_of(result, result.world.crs), tmp_path / "d.dxf", LOOKS)
+    write_dxf(features_of(result, result.world.crs), tmp_path / "d.dxf", LOOKS)
     said = {
         insert.get_attrib_text("LABEL"): insert.get_attrib_text("PICKED_BY")
         for insert in readfile(tmp_path / "d.dxf").modelspace().query("INSERT")
@@ -433,7 +433,7 @@ def marked(result: Result) -> Features:
 
 
 def dxf_texts(features: Features, path: Path) -> tuple[list[str], str]:
-    write_local_dxf(features, path, LOOKS)
+    write_dxf(features, path, LOOKS)
     space = readfile(path).modelspace()
     (note,) = (t.dxf.text for t in space.query('TEXT[layer=="NOTES"]'))
     values = [d.dxf.text for d in space.query('DIMENSION[layer=="DIMENSIONS"]')]

@@ -18,7 +18,7 @@ from pyogrio.raw import read
 from pyproj import Geod
 
 from uavgram.geometry.geodesy import enu_from_geodetic
-from uavgram.io.exports.dxf import write_local_dxf
+from uavgram.io.exports.dxf import write_dxf
 from uavgram.io.exports.gis import write_geopackage, write_qgis_project
 from uavgram.io.exports.web_maps import dump_geojson, write_geojson, write_kml
 from uavgram.model.maps import Features, Layer, LayerStyle
@@ -188,7 +188,7 @@ def test_every_file_has_a_new_layer(tmp_path: Path) -> None:
     features = replace(features, layers=(*features.layers, sights))
     write_geopackage(features, tmp_path / "a.gpkg", LOOKS)
     write_kml(features, tmp_path / "a.kml", LOOKS)
-    write_local_dxf(features, tmp_path / "a.dxf", LOOKS)
+    write_dxf(features, tmp_path / "a.dxf", LOOKS)
     write_qgis_project(features, LOOKS, tmp_path / "a.qgs", has_ground=False)
 
     file = sqlite3.connect(tmp_path / "a.gpkg")

@@ -199,83 +199,38 @@ def place_texts(features: Features, words: NumberFormat = METRIC_FORMAT) -> Plac
     return PlacedTexts(tuple(texts), placed._replace(boxes=boxes), text_m * placed.size, corner)
 
 
-def write_local_dxf(
+def write_dxf(
     features: Features,
     path: Path,
     looks: Looks,
     words: NumberFormat = METRIC_FORMAT,
     texts: PlacedTexts | None = None,
+    *,
+    on_map: bool = False,
 ) -> None:
-    """Write the drawing in local metres: every distance in it is the distance on the ground.
+    """Write the drawing in local metres, or in the survey's projected coordinate system.
+
+    Distances in local metres are those on the ground. On the map they differ from these by the
+    scale factor of the projection, which a note in the drawing states; the texts of dimensions are
+    ground values in both.
 
     Parameters
     ----------
     features
-        Survey to draw.
+        Survey to draw; for the map it needs a projected coordinate system.
     path
         The file.
+    looks
+        Styles by layer name.
     words
         Format of texts and dimensions.
     texts
         Placed texts, if already known.
+    on_map
+        Whether coordinates are those of the map.
     """
-    note = "local metres: x east, y north, z up; distances are true ground distances"
-    if features.origin is None:
-        note = "local metres; position and direction of north are arbitrary, distances are true"
+    place, note = _map_place(features) if on_map else _local_place(features)
     texts = texts or place_texts(features, words)
-    _write(features, path, lambda enu: enu, note, looks, words, texts)
-
-
-def write_map_dxf(
-    features: Features,
-    path: Path,
-    looks: Looks,
-    words: NumberFormat = METRIC_FORMAT,
-    texts: PlacedTexts | None = None,
-) -> None:
-    """Write the drawing in the survey's projected coordinate system, which must exist.
-
-    The texts of dimensions are ground values; distances in CAD differ by the scale factor of the
-    projection, which a note in the drawing states.
-
-    Parameters
-    ----------
-    features
-        Survey to draw.
-    path
-        The file.
-    words
-        Format of texts and dimensions.
-    texts
-        Placed texts, if already known.
-    """
-    if features.origin is None or features.crs is None:
-        raise ValueError("a drawing on the map needs a georeferenced survey")
-    origin, crs = features.origin, features.crs
-    note = (
-        f"{crs}; map distance = ground distance x {map_scale(origin, crs):.6f}; "
-        "texts of dimensions are ground values"
-    )
-    _write(
-        features,
-        path,
-        lambda enu: projected_from_enu(enu, origin, crs),
-        note,
-        looks,
-        words,
-        texts or place_texts(features, words),
-    )
-
-
-def _write(
-    features: Features,
-    path: Path,
-    place: Place,
-    note: str,
-    looks: Looks,
-    words: NumberFormat,
-    texts: PlacedTexts,
-) -> None:
     document = new("R2010", units=units.M)
     looks = {**looks, **_OWN}
     for name in (*(layer.name for layer in features.layers), "off_ground", *_OWN):
@@ -294,6 +249,25 @@ def _write(
     _note(sheet, features, note, (east, north))
     _look_at_points(sheet, features)
     document.saveas(path)
+
+
+def _local_place(features: Features) -> tuple[Place, str]:
+    """Return the identity, and the note on local metres."""
+    if features.origin is None:
+        note = "local metres; position and direction of north are arbitrary, distances are true"
+    else:
+        note = "local metres: x east, y north, z up; distances are true ground distances"
+    return (lambda enu: enu), note
+
+
+def _map_place(features: Features) -> tuple[Place, str]:
+    """Return the projection to the map, and the note on its scale."""
+    if features.origin is None or features.crs is None:
+        raise ValueError("a drawing on the map needs a georeferenced survey")
+    origin, crs = features.origin, features.crs
+    scale = map_scale(origin, crs)
+    note = f"map distance = ground distance x {scale:.6f}; texts of dimensions are ground values"
+    return (lambda enu: projected_from_enu(enu, origin, crs)), f"{crs}; {note}"
 
 
 def _look_at_points(sheet: Sheet, features: Features) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
-from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
+from uavgram.io.exports.dxf import place_texts, write_dxf
 from uavgram.io.exports.dxf_layers import NumberFormat
 from uavgram.io.exports.geotiff import add_opacity, write_turned_picture
 from uavgram.io.exports.gis import GROUND, write_geopackage, write_qgis_project
@@ -51,14 +51,14 @@ def make_writers(result: Result, texture: GroundTexture | None = None) -> Writer
         "measurements.csv": lambda path: write_measurements_csv(result, path),
         "survey.gpkg": lambda path: write_geopackage(features, path, LOOKS, words.value),
         "survey.kml": lambda path: write_kml(features, path, LOOKS),
-        "survey_local.dxf": lambda path: write_local_dxf(features, path, LOOKS, words, texts()),
+        "survey_local.dxf": lambda path: write_dxf(features, path, LOOKS, words, texts()),
         "colmap": lambda path: write_colmap_model(result, path),
     }
     if result.profiles.profile:
         writers["profiles.csv"] = lambda path: write_profiles_csv(result, path)
     if features.crs is not None:
-        writers["survey_map.dxf"] = lambda path: write_map_dxf(
-            features, path, LOOKS, words, texts()
+        writers["survey_map.dxf"] = lambda path: write_dxf(
+            features, path, LOOKS, words, texts(), on_map=True
         )
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
         writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(make_geotags(result), path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,9 +15,7 @@ from uavgram.views.formatting import order_shapes_first
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.pictures import GROUND, picture_mark
 from uavgram.views.survey.key_facts import accuracy_words, note_automatic_values
-from uavgram.views.survey.sheet import WIDTH
 from uavgram.views.survey.top_view import TopView, fit_layout, mark_used_points, top_view
-from uavgram.views.survey.verdict import verdict_words
 
 
 def ground_extent(result: Result) -> tuple[Floats, Floats] | None:
@@ -43,31 +40,19 @@ def report_plan(result: Result, first: Brief, pictures: Pictures) -> TopView | N
     return top_view(result, first.plan_height, shown, pictures.ground, address)
 
 
-MAX_ROWS = 12
+MAX_ROWS = 10
 """Largest number of measurements on the first page; of more, the least certain ones."""
 
-MIN_ROWS = 3
-
 FEW_ROWS = 2
-"""Number of measurements without room up to which the plan is made lower for them."""
+"""Number of measurements more than that which are shown too, rather than counted."""
 
-PAGE_MM, UNIT_MM = 243.0, 182.0 / WIDTH
-"""Height of a printed page for text and plan (letter is lower), and unit of a drawing [mm]."""
-
-MIN_PLAN, GOOD_PLAN, MAX_PLAN = 220.0, 330.0, 640.0
-"""Limits of the plan's height, in its units; for a good one, rows of the table are left out."""
-
-HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 20.0, 6.3, 4.8, 2.0
-"""Heights of title and legend, table row and line of text, and gap around a paragraph."""
-
-LINE, STRONG_LINE, TITLE = 96, 76, 20
-"""Letters of a line: of text, of strong text, and of a name beside the words of the title."""
+MIN_PLAN, MAX_PLAN, ROW = 330.0, 680.0, 25.0
+"""Limits of the plan's height, and height of a row of a table above it, in units of its drawing."""
 
 MAX_REASONS = 2
 """Number of reasons of the verdict beside the first; the warnings have them all."""
 
 MAX_NAMES = 8
-LIMITS = "What was checked, and what was not. "
 
 
 class Brief(NamedTuple):
@@ -80,7 +65,7 @@ class Brief(NamedTuple):
     rows, more
         Rows of the measurements that are shown, and number of the others.
     plan_height
-        Height of the plan, in units of its drawing: the room left by the measurements.
+        Height of the plan as it is drawn; on paper it is as high as there is room.
     reasons, reasons_more
         Reasons of the verdict beside the first, and number of those not shown.
     accuracy
@@ -108,31 +93,17 @@ def lay_out_brief(result: Result) -> Brief:
     # a red result has no accuracy that could be stated
     accuracy = "" if result.verdict.level == "red" else accuracy_words(result)
     limits = tuple(_limits(result))
-    words = verdict_words(result)
-    left_mm = PAGE_MM - HEAD_MM - ROW_MM * (1 + len(case)) - _text_mm(result.name, TITLE) - GAP_MM
-    left_mm -= _text_mm(words.sentence, STRONG_LINE)
-    left_mm -= sum(_text_mm(text) for text in (*reasons, words.scale, words.counts, accuracy))
-    left_mm -= _text_mm(LIMITS + " ".join(limits))
-    room = int((left_mm - GOOD_PLAN * UNIT_MM) // ROW_MM)
-    count = min(len(order), max(MIN_ROWS, min(MAX_ROWS, room)))
-    if len(order) - count <= FEW_ROWS:
-        count = len(order)
-    left_mm -= ROW_MM * count
+    count = len(order) if len(order) <= MAX_ROWS + FEW_ROWS else MAX_ROWS
     return Brief(
         case=case,
         rows=tuple(order[:count]),
         more=len(order[count:]),
-        plan_height=min(max(left_mm / UNIT_MM, MIN_PLAN), MAX_PLAN),
+        plan_height=max(MAX_PLAN - ROW * (count + len(case)), MIN_PLAN),
         reasons=tuple(reasons),
         reasons_more=len(others[MAX_REASONS:]),
         accuracy=accuracy,
         limits=limits,
     )
-
-
-def _text_mm(text: str, letters: int = LINE) -> float:
-    """Return the height of a paragraph on paper."""
-    return math.ceil(len(text) / letters) * LINE_MM + GAP_MM if text else 0.0
 
 
 def _listed_or_all(names: Sequence[str], every: Sequence[str]) -> str:

@@ -389,8 +389,9 @@ _NAME = "report"
 _BESIDE = re.compile(r'href="([^":#]+)\.html"')
 """Link to the page beside this one, which on paper becomes a link to its PDF."""
 
+HEIGHTS_MM: dict[Paper, float] = {"a4": 297.0, "letter": 279.4}
 MARGINS_MM = (16.0, 20.0)
-"""Margins of the paper above and below the text."""
+"""Heights of the papers, and their margins above and below the text."""
 
 _SHEET = """
 @page {{
@@ -405,7 +406,9 @@ _SHEET = """
   }}
 }}
 .contents a::after {{ content: leader(".") target-counter(attr(href), page); }}
+.brief {{ min-height: {text_mm}mm; }}
 """
+"""The plan takes what the text of the first page leaves of it: see report.css."""
 
 
 def check_pdf() -> None:
@@ -457,12 +460,17 @@ def report_pdf(
         relationship="Data",
     )
     shown = name.translate({ord(c): " " for c in '"\\\n'})
-    sheet = _SHEET.format(size=PAPER_SIZES[paper], digest=digest, name=shown, margins=MARGINS_MM)
+    sheet = _SHEET.format(
+        size=PAPER_SIZES[paper],
+        digest=digest,
+        name=shown,
+        margins=MARGINS_MM,
+        text_mm=HEIGHTS_MM[paper] - sum(MARGINS_MM),
+    )
     return page_pdf(
         _BESIDE.sub(r'href="\1.pdf"', html),
         sheet,
         _NAME,
-        MARGINS_MM,
         attachments=[attached] if attach else [],
         pdf_variant="pdf/a-3b",
         pdf_identifier=bytes.fromhex(digest)[:16],

@@ -12,12 +12,19 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.naming import METRIC, Units
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import COLUMNS, HeightSource, PointResults
-from uavgram.views.formatting import decimals_for, format_with_sigma, height_text, number
+from uavgram.views.formatting import format_with_sigma, height_text, number
 from uavgram.views.style import INK, diverging_colours
 from uavgram.views.survey.drawing import Drawing, Look
 from uavgram.views.survey.outlines import nice_factor, round_length
 from uavgram.views.survey.text_placement import TextRequest, box
-from uavgram.views.units import DisplayUnit, convert_sentence, round_bar, table_unit, units_of
+from uavgram.views.units import (
+    DisplayUnit,
+    convert_sentence,
+    decimals,
+    round_bar,
+    table_unit,
+    units_of,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,11 +259,11 @@ def _levels(low: float, high: float, one: DisplayUnit) -> tuple[Floats, tuple[st
 
 def _cells(result: Result, row: int) -> tuple[str, ...]:
     """Format place and sigma of each of `COLUMNS`; values fixed by definition have no sigma."""
-    cells, factor = [], table_unit(units_of(result)).factor
+    cells, unit = [], table_unit(units_of(result))
     for k in range(len(COLUMNS)):
-        place = factor * float(result.profiles.place_m[row, k])
-        sigma = factor * float(result.profiles.sigma_m[row, k])
-        places = decimals_for(sigma) if sigma > 0 else 3
+        place = unit.factor * float(result.profiles.place_m[row, k])
+        sigma = unit.factor * float(result.profiles.sigma_m[row, k])
+        places = decimals(sigma, unit) if sigma > 0 else 3
         known = f" ± {number(sigma, places)}" if sigma > 0 else ""
         cells.append(f"{number(place, places)}{known}")
     return tuple(cells)
