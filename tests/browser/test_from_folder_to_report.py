@@ -278,6 +278,11 @@ def test_two_projects_one_after_another_without_a_file_or_a_terminal(
         expect(page.locator(".found")).to_contain_text("3 photos of")
         expect(page.get_by_role("radio", name="As recorded")).to_be_checked()
         expect(page.locator(".way-of").first).to_contain_text("90° below the horizon")
+        page.get_by_role("radio", name="45° down").check()  # against what the photos say
+        remark = page.locator(".mount").get_by_role("status")
+        expect(remark).to_contain_text("the photos say 90° below the horizon")
+        page.get_by_role("radio", name="As recorded").check()
+        expect(remark).to_be_empty()
         does.press(page.get_by_role("button", name="Begin"))
         survey(page, does, beach(), server, take_over_shown)
         result = check_report(page, home.joinpath(*CASES, BEACH))
@@ -297,7 +302,7 @@ def test_without_a_log_points_are_found_in_the_second_photo(
         page = open_page(server, 1280, 800)
         does = Counted(page)
         does.press(page.get_by_role("button", name=f"Use {STREET}"))
-        does.press(page.get_by_role("radio", name="45° down"))
+        expect(page.get_by_role("radio", name="As recorded")).to_be_checked()  # does not matter
         does.press(page.get_by_role("button", name="Begin"))
         scene, labels = street(truth)
         survey(page, does, scene, server, take_over_shown)
