@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import sys
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -74,8 +75,14 @@ def _bare(_app: Sphinx, what: str, _name: str, thing: object, *_: object) -> tup
     return ("", "") if what == "class" and is_dataclass(thing) else None
 
 
+def _show_drawings(_app: Sphinx, _page: str, source: list[str]) -> None:
+    """Show drawings in place of their descriptions, which a page has outside of the site."""
+    source[0] = re.sub(r"^\*Drawing `(\S+)`: (.+)\*$", r"![\2](\1)", source[0], flags=re.MULTILINE)
+
+
 def setup(app: Sphinx) -> None:
     """Show tables as they are, and mend the pages once they are written."""
     app.connect("autodoc-process-signature", _bare)
     app.add_lexer("csv", TextLexer)
+    app.connect("source-read", _show_drawings)
     app.connect("build-finished", _for_all)

@@ -14,9 +14,11 @@ other exceptions are bugs and keep their traceback.
 from __future__ import annotations
 
 import difflib
+import importlib.util
 import os
 import re
 import stat
+import sys
 import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -108,6 +110,15 @@ def suggest_spelling(word: str, known: Iterable[str]) -> str:
     by_look = {replace_lookalikes(name): name for name in known}
     close = difflib.get_close_matches(replace_lookalikes(word), by_look, n=1, cutoff=0.6)
     return f"did you mean {by_look[close[0]]!r}?" if close else ""
+
+
+def install_command(package: str) -> str:
+    """Return the command that installs a package beside this program, however it was installed."""
+    if (Path(sys.prefix) / "pipx_metadata.json").is_file():
+        return f"pipx inject uavgram {package}"
+    if importlib.util.find_spec("pip") is None:  # by uv, which installs no pip
+        return f'uv pip install --python "{sys.executable}" {package}'
+    return f'"{sys.executable}" -m pip install {package}'
 
 
 _KINDS = (

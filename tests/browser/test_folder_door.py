@@ -250,7 +250,10 @@ def test_back_and_forward_of_the_browser_go_through_the_folders(page: Page) -> N
     expect(title).to_be_visible()
 
 
-def test_a_damaged_photo_is_left_out_of_a_project_and_taken_back(home: Path, page: Page) -> None:
+@pytest.mark.parametrize("loss", ["cut off", "not among the project's photos"])
+def test_a_photo_that_cannot_be_used_is_left_out_of_a_project_and_taken_back(
+    home: Path, page: Page, loss: str
+) -> None:
     page.get_by_role("button", name="Use flight").click()
     page.get_by_role("radio", name="Straight down").check()
     page.get_by_role("button", name="No lengths").click()
@@ -259,7 +262,10 @@ def test_a_damaged_photo_is_left_out_of_a_project_and_taken_back(home: Path, pag
 
     photo = home / "flight" / "photos" / "P2.jpg"
     whole = photo.read_bytes()
-    photo.write_bytes(whole[:-200])
+    if loss == "cut off":
+        photo.write_bytes(whole[:-200])
+    else:
+        photo.unlink()
     (home / "flight" / "picks.csv").write_text(
         "image,label,u_px,v_px\nP1.jpg,A,100,100\nP2.jpg,A,110,100\n", encoding="utf-8"
     )
@@ -267,12 +273,12 @@ def test_a_damaged_photo_is_left_out_of_a_project_and_taken_back(home: Path, pag
     expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
     expect(page.locator("#strip button")).to_have_count(1)
     expect(page.locator("#light")).to_have_text("Not checked yet")
-    expect(page.locator("#first")).to_contain_text("P2.jpg cannot be used, as it is cut off")
+    expect(page.locator("#first")).to_contain_text(f"P2.jpg cannot be used, as it is {loss}")
     page.get_by_role("tab", name="Measure").click()
-    expect(page.locator("p.why")).to_contain_text("P2.jpg: is cut off")  # as `run` refuses it
+    expect(page.locator("p.why")).to_contain_text(f"P2.jpg: is {loss}")  # as `run` refuses it
     page.get_by_role("tab", name="Photos").click()
     shown = page.get_by_role("tabpanel", name="Photos")
-    expect(shown).to_contain_text("The photo P2.jpg cannot be used, as it is cut off")
+    expect(shown).to_contain_text(f"The photo P2.jpg cannot be used, as it is {loss}")
 
     page.locator("#first").get_by_role("button", name="Leave P2.jpg out").click()
     expect(page.locator("#notice")).to_contain_text("The project leaves out P2.jpg")

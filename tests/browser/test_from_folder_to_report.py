@@ -28,9 +28,15 @@ MOST = 40
 """Clicks and keys for 4 lengths and 3 distances in 2 photos, mount, digits and report included."""
 
 STREET, BEACH = "Unfall Köln", "Strand"
+CASES = ("Dokumente", "Fälle", "2026")
+"""Folders around those of the flights: a person would go through them one after another."""
+
 SHORTEST_M, LONGEST_M = 5.0, 15.0
 APART_PX = 80.0
 """Between points that are picked: nothing is clicked twice."""
+
+BESIDE_PX = 10.0
+"""From the mark of a point that is meant to the click, on the screen: the page asks once."""
 
 ON_BEACH = (
     ((1334, 1894), (1283, 1063)),
@@ -68,10 +74,11 @@ class Scene:
 def home(data_dir: Path, tmp_path: Path) -> Path:
     """Photos with a log of a fixed camera, and a DJI's photos, as they come from memory cards."""
     home = tmp_path / "home"
+    cases = home.joinpath(*CASES)
     only = shutil.ignore_patterns("*.csv", "*.yaml", "*.tlog", "out")
-    shutil.copytree(data_dir / "street_oblique", home / STREET, ignore=only)
-    shutil.copy(data_dir / "street_oblique" / "camera.yaml", home / STREET)
-    shutil.copytree(data_dir / "brighton_beach", home / BEACH)
+    shutil.copytree(data_dir / "street_oblique", cases / STREET, ignore=only)
+    shutil.copy(data_dir / "street_oblique" / "camera.yaml", cases / STREET)
+    shutil.copytree(data_dir / "brighton_beach", cases / BEACH)
     return home
 
 
@@ -222,9 +229,13 @@ def survey(
         expect(page.locator(".mark.placed, .mark.found")).to_have_count(k + 2)
         does.digits(f"{scene.taped_m[k // 2]:.2f}")  # taken by the next click
     does.press(page.get_by_role("radio", name="Distance", exact=True))  # takes the last one
-    for ends in WANTED:
-        for k in ends:
-            does.click(*to_page(page, *scene.here[k]))
+    near, *others = [k for ends in WANTED for k in ends]
+    x, y = to_page(page, *scene.here[near])
+    does.click(x + BESIDE_PX, y)
+    expect(page.get_by_role("alertdialog")).to_contain_text("is very near. Which point is this?")
+    does.key("Enter")
+    for k in others:
+        does.click(*to_page(page, *scene.here[k]))
     second(page, does, scene, server)
     wait_until_adjusted(page)
     does.key("w")
@@ -246,10 +257,10 @@ def test_two_projects_one_after_another_without_a_file_or_a_terminal(
         does.press(page.get_by_role("button", name="Begin"))
         scene, labels = street(truth)
         survey(page, does, scene, server)
-        result = check_report(page, home / STREET)
+        result = check_report(page, home.joinpath(*CASES, STREET))
         assert told("street", does) <= MOST
 
-        project = load_project(home / STREET / "project.yaml")
+        project = load_project(home.joinpath(*CASES, STREET) / "project.yaml")
         assert (project.mount.gimbal, project.mount.pitch_deg) == ("none", -45.0)
         found = result.measurements
         for k, (a, b) in enumerate(WANTED):
@@ -261,14 +272,20 @@ def test_two_projects_one_after_another_without_a_file_or_a_terminal(
         page.get_by_role("button", name="Open another folder").click()
         opened = page.get_by_role("list", name="Opened before")
         expect(opened.get_by_role("button", name=f"Open {STREET}")).to_be_visible()
+        expect(opened).to_contain_text(" › ".join(CASES))
         does = Counted(page)
         does.press(page.get_by_role("button", name=f"Use {BEACH}"))
         expect(page.locator(".found")).to_contain_text("3 photos of")
         expect(page.get_by_role("radio", name="As recorded")).to_be_checked()
         expect(page.locator(".way-of").first).to_contain_text("90° below the horizon")
+        page.get_by_role("radio", name="45° down").check()  # against what the photos say
+        remark = page.locator(".mount").get_by_role("status")
+        expect(remark).to_contain_text("the photos say 90° below the horizon")
+        page.get_by_role("radio", name="As recorded").check()
+        expect(remark).to_be_empty()
         does.press(page.get_by_role("button", name="Begin"))
         survey(page, does, beach(), server, take_over_shown)
-        result = check_report(page, home / BEACH)
+        result = check_report(page, home.joinpath(*CASES, BEACH))
         assert told("DJI photos", does) <= MOST
         wanted = [BEACH_M_A_PX * math.dist(ON_BEACH[a][0], ON_BEACH[b][0]) for a, b in WANTED]
         found = result.measurements
@@ -280,16 +297,16 @@ def test_two_projects_one_after_another_without_a_file_or_a_terminal(
 def test_without_a_log_points_are_found_in_the_second_photo(
     home: Path, truth: Truth, open_page: PageOpener
 ) -> None:
-    (home / STREET / "flight.BIN").unlink()
+    (home.joinpath(*CASES, STREET) / "flight.BIN").unlink()
     with served(None, FolderChooser(roots=(home,)), run) as server:
         page = open_page(server, 1280, 800)
         does = Counted(page)
         does.press(page.get_by_role("button", name=f"Use {STREET}"))
-        does.press(page.get_by_role("radio", name="45° down"))
+        expect(page.get_by_role("radio", name="As recorded")).to_be_checked()  # does not matter
         does.press(page.get_by_role("button", name="Begin"))
         scene, labels = street(truth)
         survey(page, does, scene, server, take_over_shown)
-        found = check_report(page, home / STREET).measurements
+        found = check_report(page, home.joinpath(*CASES, STREET)).measurements
         assert told("no log", does) <= MOST
         for k, (a, b) in enumerate(WANTED):
             assert (

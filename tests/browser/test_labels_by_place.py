@@ -152,8 +152,14 @@ def test_a_typed_name_far_from_its_place_is_asked_about_before_anything_is_sent(
     opened.click(*EMPTY)
     expect(opened.question).to_be_visible()
     opened.click(EMPTY[0], EMPTY[1] + 400)  # a click elsewhere is no answer, and no point
-    expect(opened.question).to_have_count(0)
+    expect(page.locator("#notice")).to_contain_text("This click marked nothing")
+    expect(opened.question).to_be_visible()
+    click_mark(page, "P16")
+    expect(opened.question).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator("#notice")).to_contain_text("nothing was marked at the ring")
     expect(page.locator("g.questioned")).to_have_count(0)
+    assert opened.state == before
     page.locator("#label").fill("kerb")  # a name of one's own stands, wherever the click is
     opened.click(*opened.places[label])
     eventually(page, lambda: opened.is_picked("kerb"))

@@ -214,10 +214,38 @@ def test_a_photo_that_is_gone_can_be_left_out_with_its_picks(
     project: Project, command: Command, fails: Fails
 ) -> None:
     (project / "photos" / "IMG_0003.jpg").unlink()
-    said = fails(f"{project / 'picks.csv'}", "IMG_0003.jpg", "leave_out")
+    said = fails("IMG_0003.jpg: is not among the project's photos, though picks.csv (line ")
+    assert "copy it back" in said
     assert "`leave_out: [IMG_0003.jpg]`" in said
     project.set(leave_out=["photos/IMG_0003.jpg"])
     assert command("check", project.path).status == 0
+
+
+def test_lost_photos_are_named_together_with_damaged_ones(
+    project: Project, command: Command, fails: Fails
+) -> None:
+    photos = sorted((project / "photos").iterdir())
+    project.set(images=[f"photos/{photo.name}" for photo in photos])
+    (project / "ties.csv").write_text(
+        f"image,tie,u_px,v_px,sigma_px\n{photos[0].name},T1,10,10,1\nIMG_7777.jpg,T1,10,10,1\n",
+        encoding="utf-8",
+    )
+    project.set(ties="ties.csv")
+    gone, cut = photos[4], photos[6]
+    gone.unlink()
+    cut.write_bytes(cut.read_bytes()[:-200])
+    said = fails(
+        f"{cut}: is cut off",
+        f"{gone.name}: is not among the project's photos, though `images` names it",
+        "IMG_7777.jpg: is not among the project's photos, though ties.csv (line 3) names it",
+    )
+    assert f"`leave_out: [{cut.name}, {gone.name}, IMG_7777.jpg]`" in said
+    project.set(leave_out=[cut.name, gone.name, "IMG_7777.jpg"])
+    done = command("check", project.path)
+    assert done.status == 0
+    assert "leaves out 2 photos" in done.stdout
+    assert "leaves out IMG_7777.jpg" in done.stdout
+    assert "no photo of the project has that name" not in done.stdout
 
 
 def test_a_name_of_no_photo_that_is_left_out_is_told(project: Project, command: Command) -> None:

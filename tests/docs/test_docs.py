@@ -175,7 +175,7 @@ def test_the_picture_has_every_room_and_its_arrows_point_down(
         assert others <= reached
     drawings.draw(tmp_path)
     assert (tmp_path / "rooms.svg").is_file()
-    assert "(background/made/rooms.svg)" in architecture
+    assert "`background/made/rooms.svg`" in architecture
 
 
 def contracts_of(repository: Path) -> list[str]:

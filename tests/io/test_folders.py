@@ -11,7 +11,7 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.io import folders
-from uavgram.io.folders import Browsable, find_home_and_drives, find_photo_folders
+from uavgram.io.folders import Browsable, find_flights, find_home_and_drives, find_photo_folders
 
 PHOTO = cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes()
 
@@ -100,6 +100,25 @@ def test_names_and_numbers_of_photos_are_listed(home: Path) -> None:
     assert (case.path.name, case.photos, case.has_project) == ("A", 3, False)
     (home / "Fälle" / "A" / "project.yaml").write_text("")
     assert folders.folders_in(home / "Fälle")[0].has_project
+
+
+def test_flights_are_found_wherever_they_are_the_newest_first(home: Path) -> None:
+    old, new, with_log = home / "Fälle" / "A" / "photos", home / "x" / "y" / "new", home / "z"
+    for folder in (new, with_log / "photos"):
+        folder.mkdir(parents=True)
+        (folder / "1.jpg").write_bytes(b"x")
+    (with_log / "flight.BIN").write_bytes(b"x")
+    (home / "notes.txt").write_text("")
+    (home / "way out").unlink()
+    (home / "way out").symlink_to(new)
+    for moment, folder in enumerate((old, with_log, new)):
+        os.utime(folder, (moment, moment))
+    assert [one.path for one in find_flights([home])] == [new, with_log, old]
+
+
+def test_a_search_for_flights_ends(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "MAX_SEARCHED_FOLDERS", 3)  # the home, two folders in it
+    assert find_flights([home]) == []
 
 
 @pytest.mark.parametrize(

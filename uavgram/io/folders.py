@@ -10,7 +10,10 @@ import os
 import re
 import string
 import sys
+import time
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -33,6 +36,9 @@ MAX_LOG_BYTES = 50_000_000
 
 MAX_SEARCHED_FOLDERS = 400
 """Limit of searched folders, so that a home folder does not take minutes."""
+
+MAX_SEARCH_S = 1.0
+"""Limit of the search for flights."""
 
 _RESULTS = {"results.json", "calibration.json"}
 
@@ -106,6 +112,7 @@ def _find_photo_folder(folder: Path, least: int) -> PhotoFolder | None:
 
 
 _CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
+_OTHER_INPUTS = {*LOG_SUFFIXES, *_CAMERA_SUFFIXES, ".csv"}
 _RESULTS_FILE = "results.json"
 _CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
 _LARGEST_CAMERA_BYTES = 1_000_000
@@ -406,6 +413,41 @@ def count_photos(folder: Path) -> ListedFolder:
             inner = []
         photos = sum(_photos(one) for one in inner if RESULTS not in one)
     return ListedFolder(path=folder, photos=photos, are_inner=not own, has_project=PROJECT in names)
+
+
+def find_flights(roots: Collection[Path]) -> list[ListedFolder]:
+    """Find the folders of flights below some folders, the newest first.
+
+    Each has a project, photos, or folders of photos beside a log or another file of a flight. The
+    search goes from the outer folders to the inner ones and ends after `MAX_SEARCHED_FOLDERS`, or
+    `MAX_SEARCH_S` on a slow drive.
+    """
+    until = time.monotonic() + MAX_SEARCH_S
+    found: list[ListedFolder] = []
+    queue = deque(roots)
+    for _ in range(MAX_SEARCHED_FOLDERS):
+        if not queue or time.monotonic() > until:
+            break
+        folder = queue.popleft()
+        one = count_photos(folder)
+        holds_inner = one.are_inner and folder not in roots and _has_other_inputs(folder)
+        if one.has_project or (one.photos and (holds_inner or not one.are_inner)):
+            found.append(one)
+            continue
+        with suppress(OSError):
+            queue.extend(_list_folders(folder))
+    return sorted(found, key=lambda one: _changed_s(one.path), reverse=True)
+
+
+def _has_other_inputs(folder: Path) -> bool:
+    return any(Path(name).suffix.lower() in _OTHER_INPUTS for name in _names(folder))
+
+
+def _changed_s(folder: Path) -> float:
+    try:
+        return folder.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def _names(folder: Path) -> list[str]:

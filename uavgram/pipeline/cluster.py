@@ -17,7 +17,7 @@ from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from uavgram.errors import UavgramError
+from uavgram.errors import UavgramError, install_command
 from uavgram.pipeline.process_settings import use_one_core
 from uavgram.pipeline.processes import MAX_TRIES, ItemOutcome, describe_timeout
 
@@ -77,8 +77,8 @@ def run_on_cluster(
         import distributed  # noqa: PLC0415 (an extra)
     except ImportError as fault:
         raise UavgramError(
-            "--scheduler needs Dask, which is not installed: pip install 'uavgram[cluster]', here "
-            "and on every worker"
+            "--scheduler needs Dask, which is not installed: "
+            f"{install_command('distributed')}, here and on every worker"
         ) from fault
     try:
         client = distributed.Client(

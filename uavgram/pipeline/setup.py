@@ -24,7 +24,7 @@ from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_photo_poses
-from uavgram.model.frames import Photos
+from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.naming import METRIC, SHORT_FORMS, Units
 from uavgram.model.options import Auto, Project, TimeOptions
 from uavgram.model.provenance import Case
@@ -81,6 +81,8 @@ class FoundPhotos:
         Camera by the tags of the first; empty where it cannot be assumed.
     looks_deg
         Angle of the camera below the horizon by the first; None where not stated.
+    has_position
+        Whether the first states its position.
     """
 
     pattern: str
@@ -90,6 +92,7 @@ class FoundPhotos:
     example: str
     camera: str
     looks_deg: float | None
+    has_position: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,12 +210,12 @@ def _names(folder: Path, paths: tuple[Path, ...]) -> tuple[str, ...]:
 
 def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundPhotos:
     first = group.files[0]
-    camera, looks_deg = "", None
+    camera, poses = "", None
     try:
         photos, _ = read_photos(
             (make_absolute(folder, _pattern_of_one(folder, first)),), TimeOptions()
         )
-        looks_deg = _looks_deg(photos)
+        poses = _read_tagged_poses(photos)
         camera = assume_photo_camera(photos)[0].name
     except UavgramError:  # not stated, or reported when the project is made
         pass
@@ -223,7 +226,8 @@ def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundP
         height_px=group.size_px[1],
         example=first.name,
         camera=camera,
-        looks_deg=looks_deg,
+        looks_deg=None if poses is None else _looks_deg(poses),
+        has_position=poses is not None,
     )
 
 
@@ -231,11 +235,14 @@ def _pattern_of_one(folder: Path, file: Path) -> str:
     return glob.escape(file.relative_to(folder).as_posix())
 
 
-def _looks_deg(photos: Photos) -> float | None:
+def _read_tagged_poses(photos: Photos) -> PhotoPoses | None:
     try:
-        poses, _ = read_photo_poses(FROM_PHOTOS, photos, "msl")
+        return read_photo_poses(FROM_PHOTOS, photos, "msl")[0]
     except UavgramError:
         return None
+
+
+def _looks_deg(poses: PhotoPoses) -> float | None:
     pitch = float(np.degrees(poses.ypr_rad[0, 1]))
     return -pitch if math.isfinite(pitch) else None
 

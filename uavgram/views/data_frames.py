@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from uavgram.errors import UavgramError
+from uavgram.errors import UavgramError, install_command
 from uavgram.model.naming import Column, columns_of
 from uavgram.model.result.reliability import Evidence
 from uavgram.model.result.result import POSE_NAMES, Estimate, Result
@@ -189,7 +189,8 @@ def _pandas() -> Any:  # noqa: ANN401
         return importlib.import_module("pandas")
     except ImportError as fault:
         raise UavgramError(
-            "Tables as data frames need pandas, which is not installed: pip install pandas."
+            "Tables as data frames need pandas, which is not installed: "
+            f"{install_command('pandas')}."
         ) from fault
 
 

@@ -30,7 +30,7 @@ from jinja2 import (
 from jinja2.bccache import Bucket
 from jinja2.runtime import Context
 
-from uavgram.errors import UavgramError
+from uavgram.errors import UavgramError, install_command
 from uavgram.model.maps import Paper
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
@@ -468,8 +468,8 @@ def weasyprint_for(name: str) -> Any:  # noqa: ANN401
         return importlib.import_module("weasyprint")
     except ImportError as fault:
         raise UavgramError(
-            f"{name}.pdf needs WeasyPrint, which is not installed: pip install weasyprint. "
-            f"Or print {name}.html from a browser."
+            f"{name}.pdf needs WeasyPrint, which is not installed: "
+            f"{install_command('weasyprint')}. Or print {name}.html from a browser."
         ) from fault
     except OSError as fault:  # it loads the libraries when it is imported
         raise UavgramError(

@@ -175,7 +175,7 @@ def test_angles_that_the_project_states_replace_those_of_the_tags(
     axis = raised.world_from_gimbal[:, :, 0]
     np.testing.assert_allclose(axis[:, 2], -0.5)
     np.testing.assert_allclose(np.degrees(np.arctan2(axis[:, 0], axis[:, 1])), 50.0)
-    assert [m.code for m in messages] == ["mount-stated"]
+    assert [(m.code, m.level) for m in messages] == [("mount-stated", "warning")]
     np.testing.assert_allclose(np.degrees(turned.sigma_attitude_rad), 3.0)
 
 

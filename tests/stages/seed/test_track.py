@@ -223,11 +223,24 @@ def test_angles_that_the_project_states_replace_those_of_the_logs_gimbal(
     expected = from_ned * Rotation.from_euler("ZYX", expected_deg, degrees=True)
 
     assert (found * expected.inv()).magnitude().max() < 1e-9
-    stated = [m.text for m in messages if m.code == "mount-stated"]
+    stated = [m for m in messages if m.code == "mount-stated"]
     assert len(stated) == (mount != MountOptions())
     if mount == MountOptions(pitch_deg=-45.0):
-        assert "own angles (MNT)" in stated[0]
-        assert "up to 15.0 degrees apart" in stated[0]
+        assert stated[0].level == "warning"
+        assert "own angles (MNT) are up to 15.0 degrees apart" in stated[0].text
+
+
+@pytest.mark.parametrize(
+    ("fixed_deg", "level"), [(-45.0, "warning"), (-58.0, "info")], ids=["contradicts", "agrees"]
+)
+def test_a_fixed_mount_is_compared_with_the_gimbal_of_the_log(fixed_deg: float, level: str) -> None:
+    gimbal = gimbal_of("vehicle", 0.0, -60.0)
+    mount = MountOptions(gimbal="none", pitch_deg=fixed_deg)
+    track, messages = track_of(boot(yaw_deg=20.0, gimbal=gimbal), mount=mount)
+    assert not len(track.gimbal_time_s)
+    (stated,) = (m for m in messages if m.code == "mount-stated")
+    assert stated.level == level
+    assert f"up to {fixed_deg + 60.0:.1f} degrees apart" in stated.text
 
 
 def test_a_gimbal_that_ends_early_is_held_with_a_warning() -> None:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import glob
 import math
+import os
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
+from unicodedata import normalize
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, suggest_spelling
 from uavgram.imaging.photos.decoding import decode_photo
 from uavgram.input_files import UnusableFile, describe_files, read_bytes, unread_format
 from uavgram.io.files import check_name, digest_inputs, find_matching_files
@@ -35,12 +38,14 @@ from uavgram.model.provenance import InputDigest
 PASSED_OVER = "files-passed-over"
 """Code of the message on files that are not used."""
 
+NONE_NAMED: Mapping[str, str] = MappingProxyType({})
+
 MAX_NAMED = 10
 """Number of unusable photos that an error names."""
 
 
 class UnusablePhotosError(InputError):
-    """Photos of a project that are damaged, empty, or no photos.
+    """Photos of a project that are missing, damaged, empty, or no photos.
 
     Parameters
     ----------
@@ -120,7 +125,10 @@ class _Reading:
 
 
 def read_photos(
-    patterns: tuple[str, ...], options: TimeOptions, left_out: Collection[str] = ()
+    patterns: tuple[str, ...],
+    options: TimeOptions,
+    left_out: Collection[str] = (),
+    named: Mapping[str, str] = NONE_NAMED,
 ) -> tuple[Photos, tuple[Message, ...]]:
     """Find the photos of a project and read their sizes and capture times.
 
@@ -132,17 +140,21 @@ def read_photos(
         Source of the times; `auto` takes EXIF where most photos have it, else none.
     left_out
         Names of photos that are not read.
+    named
+        Names of photos that must be there, with what names them.
 
     Raises
     ------
     UnusablePhotosError
-        Files are damaged, or no photos.
+        Files are missing, damaged, or no photos.
     InputError
         A pattern matches nothing, two photos have one name, or one has no time at the source that
         the project names.
     """
     matching, unread = separate_unread(find_photos(patterns, left_out), patterns)
     size_of, unusable = read_image_sizes(matching)
+    lost = [name for name in named if name not in left_out]
+    unusable += tuple(_list_lost({name: named[name] for name in lost}, matching))
     if unusable:
         raise UnusablePhotosError(unusable)
     paths = list(size_of)
@@ -161,8 +173,35 @@ def read_photos(
     return photos, (*passed, *messages, *_like_formulas(photos.frame_id))
 
 
+def _list_lost(named: Mapping[str, str], photos: Sequence[Path]) -> Iterator[UnusableFile]:
+    """List the named photos that are not among those found, each with what may have happened."""
+    names = {path.name for path in photos}
+    for name, where in named.items():
+        if name not in names:
+            yield UnusableFile(
+                Path(name),
+                f"is not among the project's photos, though {where} names it"
+                f"{_explain_loss(name, photos)}",
+            )
+
+
+def _explain_loss(name: str, photos: Sequence[Path]) -> str:
+    """Suggest the photo that may be meant, else to bring it back."""
+    names = [path.name for path in photos]
+    if normalize("NFC", name) in (normalize("NFC", other) for other in names):
+        return (
+            ": another name looks the same, but its accents are stored in another way (as macOS "
+            "does); rename the photo without accents, and in the table too"
+        )
+    for folder in {path.parent for path in photos}:
+        if known := unread_format(folder / name):
+            return f": it is a {known.name}; {known.way_out}"
+    near = suggest_spelling(name, names)
+    return f"{f' ({near})' if near else ''}: copy it back to the others"
+
+
 def report_unusable_photos(unusable: Iterable[UnusableFile]) -> tuple[Message, ...]:
-    """Report damaged photos by name, each with the reason."""
+    """Report missing and damaged photos by name, each with the reason."""
     return tuple(
         Message(
             "warning",
@@ -173,7 +212,7 @@ def report_unusable_photos(unusable: Iterable[UnusableFile]) -> tuple[Message, .
                 "{count} photos cannot be used",
                 path.name,
                 reason.partition(":")[0],
-                ending="Copy them from the camera once more, or take them out of the folder.",
+                ending="Copy them from the camera once more, or leave them out.",
             ),
         )
         for path, reason in unusable
@@ -212,14 +251,14 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
     Raises
     ------
     InputError
-        A pattern matches nothing, two files have one name, or all are left out. A file that is left
-        out may be missing.
+        A pattern matches nothing, two files have one name, or all are left out. Some files that are
+        named without a pattern may be missing, and those that are left out.
     """
     found: dict[str, Path] = {}
     own_names = {*left_out, *map(glob.escape, left_out)}
-    for pattern in patterns:
-        if Path(pattern).name in own_names:
-            continue
+    wanted = [pattern for pattern in patterns if Path(pattern).name not in own_names]
+    there = [pattern for pattern in wanted if glob.has_magic(pattern) or os.path.lexists(pattern)]
+    for pattern in there or wanted:
         files = find_matching_files(pattern, "correct `images` in the project")
         for path in files:
             if path.name in left_out:

@@ -61,14 +61,16 @@ EXCLUDED = (
         "photo-damaged",
         WARNING,
         finding=(
-            "A photo cannot be used: it is cut off, empty, or no photo. The message states which."
+            "A photo cannot be used: it is cut off, empty, no photo, or missing though the picks "
+            "name it. The message states which."
         ),
         consequence=(
             "A new project leaves it out. The page opens an existing project without it, but "
             "measures nothing there, and the commands refuse the project."
         ),
         action=(
-            "Copy it from the camera once more. To go on without it, press *Leave out* on the "
+            "Copy it from the camera once more, or back to the other photos. To go on without it, "
+            "press *Leave out* on the "
             "page, or write its name into `leave_out` of the project."
         ),
     ),

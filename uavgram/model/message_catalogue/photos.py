@@ -521,13 +521,16 @@ FLIGHT_LOG = (
     ),
     Entry(
         "mount-stated",
-        NOTE,
+        WARNING_OR_NOTE,
         finding=(
             "The project states angles of the camera in `mount`. They replace the gimbal angles in "
             "the log or in the photos' tags, and differ from them by up to the angle in the "
-            "message."
+            "message. It is a warning where both can hardly be right."
         ),
-        action="To use the gimbal's own angles, write `auto`.",
+        action=(
+            "Check how the camera hung. To use the gimbal's own angles, choose *As recorded* on "
+            "the page, or write `auto`."
+        ),
     ),
     Entry(
         "gimbal-unused",

@@ -46,7 +46,7 @@ class App {
         shown: () => this.shown(),
         sharpened: () => this.filmstrip.loadThumbnails(),
         clicked: (pane, u, v) => this.tools.clicked(pane, u, v),
-        clickedMark: (label) => this.tools.clickedMark(label),
+        clickedMark: (label) => this.tools.clicks.onMark(label),
         doubled: () => this.navigation.doubled(),
         selected: (label) => this.tools.select(label),
         dragged: (...move) => this.tools.drag(...move),

@@ -802,22 +802,24 @@ Broadcast = Callable[[ServerMessage], None]
 
 
 class Listed(TypedDict):
-    """Folder in a list of the start page."""
+    """Folder in a list of the start page; `inside`: the folders around it, from the home."""
 
     number: int
     name: str
+    inside: str
     photos: int
     is_flight: bool
     has_project: bool
 
 
 class Beginning(TypedDict):
-    """Start of the start page: a folder, and those opened before."""
+    """Start of the start page: a folder, those opened before, and the newest flights."""
 
     folder: int | None
     is_chosen: bool
     opens: bool
     recent: list[Listed]
+    newest: list[Listed]
 
 
 class Step(TypedDict):

@@ -16,7 +16,13 @@ from typing import Any, Literal, NoReturn, cast
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.io.files import check_inside
-from uavgram.io.folders import Browsable, ListedFolder, count_photos, find_home_and_drives
+from uavgram.io.folders import (
+    Browsable,
+    ListedFolder,
+    count_photos,
+    find_flights,
+    find_home_and_drives,
+)
 from uavgram.model.limits import LONGEST_NAME, find_unshowable, find_value_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
@@ -28,6 +34,7 @@ from uavgram.pipeline.setup import CASE, FolderSummary, Setup, SetupChoices, ins
 MAX_REQUEST_BYTES = 100_000
 NO_LOG: Literal["none"] = "none"
 MAX_RECENT = 8
+MAX_NEWEST = 5
 PREVIEW_PX = 512
 
 
@@ -70,6 +77,11 @@ class FolderChooser:
             "recent": [
                 self._describe_folder(count_photos(path)) for path in self._recent if path.is_dir()
             ],
+            "newest": [
+                self._describe_folder(one)
+                for one in find_flights(self._folders.roots)
+                if one.path not in self._recent
+            ][:MAX_NEWEST],
         }
 
     def _is_chosen(self, named: Path) -> bool:
@@ -230,10 +242,15 @@ class FolderChooser:
             return "Home"
         return folder.name or str(folder)
 
+    def _name_way(self, folder: Path) -> str:
+        root = self._folders.root_of(folder) or folder
+        return " \u203a ".join(folder.parent.relative_to(root).parts) if folder != root else ""
+
     def _describe_folder(self, one: ListedFolder) -> m.Listed:
         return {
             "number": self._number(one.path),
             "name": self._name(one.path),
+            "inside": self._name_way(one.path),
             "photos": one.photos,
             "is_flight": one.is_flight(self._collections),
             "has_project": one.has_project,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import glob
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
-from unicodedata import normalize
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from uavgram.config.project_text import setting_text
 from uavgram.errors import InputError, suggest_spelling
 from uavgram.geometry.camera.projection import share_without_rays
 from uavgram.imaging.photos.decoding import is_same_exposure
-from uavgram.input_files import UnusableFile, unread_format
+from uavgram.input_files import UnusableFile
 from uavgram.io.files import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import MAX_NAMED, UnusablePhotosError, list_absent, read_photos
@@ -63,7 +63,7 @@ ANEW = "or take the tie points out by `uavgram picks ties --undo`, and search fo
 
 
 def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
-    """Refuse the first pick in a missing photo, or outside its photo.
+    """Refuse the first pick outside its photo.
 
     Parameters
     ----------
@@ -77,13 +77,13 @@ def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
     InputError
         With file and line.
     """
-    for i, why in _find_misplaced(picks.image, picks.pixel_px, photos):
+    for i, why in _find_outside(picks.image, picks.pixel_px, photos):
         what = f"the pick of {picks.label[i]!r}"
         raise InputError(project.picks, f"{what} {why}", picks.line_of(i))
 
 
 def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
-    """Refuse the first sighting of a tie point in a missing photo, or outside its photo.
+    """Refuse the first sighting of a tie point outside its photo.
 
     Parameters
     ----------
@@ -97,48 +97,41 @@ def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
     InputError
         With file and line.
     """
-    for i, why in _find_misplaced(ties.image, ties.pixel_px, photos):
+    for i, why in _find_outside(ties.image, ties.pixel_px, photos):
         text = f"the sighting of tie point {ties.tie[i]!r} {why}; {ANEW}"
         raise InputError(path, text, ties.line[i] if ties.line else None)
 
 
-def _find_misplaced(
+def _find_outside(
     images: Sequence[str], pixel_px: Floats, photos: Photos
 ) -> Iterator[tuple[int, str]]:
-    """Yield the first pixel outside the photos of the project, with the reason."""
+    """Yield the first pixel outside its photo, with the reason."""
     at = {name: k for k, name in enumerate(photos.frame_id)}
-    photo = np.array([at.get(image, -1) for image in images], dtype=np.int64)
+    photo = np.array([at[image] for image in images], dtype=np.int64)
     size = np.stack([photos.width_px, photos.height_px], axis=1)[photo]
     inside = ((pixel_px >= -0.5) & (pixel_px <= size - 0.5)).all(axis=1)
-    for i in np.flatnonzero((photo < 0) | ~inside)[:1].tolist():
+    for i in np.flatnonzero(~inside)[:1].tolist():
         image, (u, v), (width, height) = images[i], pixel_px[i], size[i]
-        if photo[i] < 0:
-            yield (
-                i,
-                f"names the photo {image!r}, which is not among the project's "
-                f"images{_photo_hint(image, photos)}",
-            )
-        else:
-            yield (
-                i,
-                f"at ({u:g}, {v:g}) is outside {image!r} "
-                f"({width:.0f} x {height:.0f} px, original and unrotated)",
-            )
-
-
-def _photo_hint(image: str, photos: Photos) -> str:
-    """Suggest the photo that may be meant."""
-    if normalize("NFC", image) in (normalize("NFC", name) for name in photos.frame_id):
-        return (
-            "; a photo's name looks the same, but its accents are stored in another way (as macOS "
-            "does): rename the photo without accents, and here too"
+        yield (
+            i,
+            f"at ({u:g}, {v:g}) is outside {image!r} "
+            f"({width:.0f} x {height:.0f} px, original and unrotated)",
         )
-    for folder in {Path(path).parent for path in photos.path}:
-        if known := unread_format(folder / image):
-            return f"; it is a {known.name}: {known.way_out}"
-    near = suggest_spelling(image, photos.frame_id)
-    gone = f"if that photo is lost, write `{setting_text('leave_out', [image])}` into the project"
-    return f"{f' ({near})' if near else ''}; {gone}"
+
+
+def _list_named_photos(
+    project: Project, picks: Picks, ties_file: str | None, ties: TiePicks
+) -> dict[str, str]:
+    """List the photos that the project's file and tables name, each with where first."""
+    tables = (
+        (project.picks, picks.image, picks.line),
+        (ties_file, ties.image, ties.line),
+    )
+    named = {Path(one).name: "`images`" for one in project.images if not glob.has_magic(one)}
+    for file, images, lines in tables:
+        for image, line in zip(images, lines or ("",) * len(images), strict=True):
+            named.setdefault(image, f"{Path(file or '').name}{line and f' (line {line})'}")
+    return named
 
 
 if TYPE_CHECKING:
@@ -233,7 +226,8 @@ def read_inputs(
     Raises
     ------
     UnusablePhotosError
-        Photos are damaged; the message names the first ones, and the way to go on without them.
+        Photos are missing or damaged; the message names the first ones, and the way to go on
+        without them.
     InputError
         The first problem found, with file, line, frame or label.
     """
@@ -262,12 +256,13 @@ def read_inputs(
     control_lines = _control_lines(project, known)
     check = read_known_points(project.check) if project.check else NO_POINTS
     left_out = frozenset(project.leave_out).union(without)
+    named = _list_named_photos(project, picks, ties_file, ties)
     try:
-        photos, photo_messages = read_photos(project.images, project.time, left_out)
+        photos, photo_messages = read_photos(project.images, project.time, left_out, named)
     except UnusablePhotosError as fault:
         way_out = _way_without(path, project, fault.photos)
         raise UnusablePhotosError(fault.photos, way_out) from None
-    photo_messages += tuple(_report_left_out(project, picks, photos))
+    photo_messages += tuple(_report_left_out(project, picks, photos, named))
     unused_picks = tuple(_list_unused(picks, left_out))
     picks = picks.take(np.setdiff1d(np.arange(len(picks.image)), unused_picks).tolist())
     ties = _remove_sightings(ties, left_out)
@@ -329,7 +324,9 @@ def _list_unused(picks: Picks, left_out: frozenset[str]) -> Iterator[int]:
             yield i
 
 
-def _report_left_out(project: Project, picks: Picks, photos: Photos) -> Iterator[Message]:
+def _report_left_out(
+    project: Project, picks: Picks, photos: Photos, named: Container[str]
+) -> Iterator[Message]:
     """Report each photo that the project leaves out, with its picks; and names of no photo."""
     labels: dict[str, dict[str, None]] = {name: {} for name in sorted(project.leave_out)}
     for image, label in zip(picks.image, picks.label, strict=True):
@@ -337,7 +334,7 @@ def _report_left_out(project: Project, picks: Picks, photos: Photos) -> Iterator
             labels[image][label] = None
     absent = list_absent(project.images, labels) if labels else ()
     for image, names in labels.items():
-        if image in absent and not names:
+        if image in absent and image not in named:
             near = suggest_spelling(image, photos.frame_id)
             text = (
                 f"`leave_out` names {image}, and no photo of the project has that name"

@@ -129,8 +129,8 @@ class LiveSurvey:
     inputs
         As read, with the initial picks, lengths and measurements of the session.
     damage
-        Error on damaged photos that they lack, for which `uavgram run` refuses the project: nothing
-        is adjusted here either. None without any.
+        Error on missing or damaged photos that they lack, for which `uavgram run` refuses the
+        project: nothing is adjusted here either. None without any.
     """
 
     @limit_blas_threads
@@ -148,7 +148,7 @@ class LiveSurvey:
     def open(cls, project: Path) -> LiveSurvey:
         """Read a project that may lack picks, lengths and measurements.
 
-        Damaged photos are left out, and nothing is adjusted then.
+        Missing and damaged photos are left out, and nothing is adjusted then.
 
         Raises
         ------

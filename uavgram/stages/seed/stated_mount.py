@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import chi2
 
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_ypr
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions
+
+_UNLIKELY = 0.001  # probability of so large a difference between a right mount and right angles
 
 
 def apply_stated_mount(
@@ -33,11 +36,36 @@ def apply_stated_mount(
         return ypr_rad, ()
     replaced = np.where(np.isfinite(stated), np.radians(stated), ypr_rad)
     replaced[:, 0] += np.where(np.isfinite(stated[0]), heading_rad, 0.0)
-    before, after = matrix_from_ypr(*ypr_rad[known].T), matrix_from_ypr(*replaced[known].T)
-    turns = log_so3(np.swapaxes(before, 1, 2) @ after)
-    most_deg = float(np.degrees(np.linalg.norm(turns, axis=1).max()))
+    recorded, used = matrix_from_ypr(*ypr_rad[known].T), matrix_from_ypr(*replaced[known].T)
+    return replaced, (report_stated_mount(mount, recorded, used, source),)
+
+
+def report_stated_mount(
+    mount: MountOptions, recorded: Floats, used: Floats, source: str
+) -> Message:
+    """Report how far the stated mount is from recorded angles: a warning where they contradict it.
+
+    Parameters
+    ----------
+    mount
+        Mount, with the sigma of its angles.
+    recorded, used
+        (N, 3, 3) attitudes of the camera by the gimbal, and as used.
+    source
+        Source of the gimbal's angles.
+    """
+    turns_deg = np.degrees(np.linalg.norm(log_so3(np.swapaxes(recorded, 1, 2) @ used), axis=1))
+    usual = float(np.median(turns_deg)) / mount.boresight_sigma_deg
+    contradicts = chi2.sf(usual**2, 3) < _UNLIKELY
     text = (
         "The camera is taken to look as `mount` in the project states. The gimbal's own angles "
-        f"({source}), up to {most_deg:.1f} degrees apart, were not used: `auto` takes them."
+        f"({source}), up to {turns_deg.max():.1f} degrees apart, were not used: `auto` takes them."
     )
-    return replaced, (Message("info", "mount-stated", text),)
+    if contradicts:
+        text = (
+            f"The mount of the camera, as chosen, contradicts the recorded angles: its own angles "
+            f"({source}) are up to {turns_deg.max():.1f} degrees apart, and were not used. Check "
+            "how the camera hung. If nobody knows better, choose *As recorded* on the page (under "
+            "Camera), or write `auto` into `mount`."
+        )
+    return Message("warning" if contradicts else "info", "mount-stated", text)

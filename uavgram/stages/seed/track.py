@@ -29,7 +29,7 @@ from uavgram.model.flight_log import (
 )
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.stated_mount import apply_stated_mount
+from uavgram.stages.seed.stated_mount import apply_stated_mount, report_stated_mount
 
 _NONE = np.zeros(0), np.zeros((0, 3))
 
@@ -187,6 +187,8 @@ def build_track(
     ned_from_body = matrix_from_xyzw(attitudes.ned_from_body_xyzw)
     used = boot.gimbal if mount.gimbal == "auto" else None
     gimbal_boot_s, world_from_gimbal, messages = _gimbal_track(used, attitudes, mount)
+    if used is None and boot.gimbal is not None:
+        messages = _report_unused(boot.gimbal, attitudes, mount)
     sigma_boot_s, sigma_position, sigma_attitude = _sigmas(boot.sigmas, telemetry)
     source = "+".join(
         part.source for part in (positions, attitudes, used, boot.sigmas) if part is not None
@@ -230,25 +232,49 @@ def _gimbal_track(
     """Return gimbal attitudes (L, 4) in the world at boot times (L,), over the attitudes' span."""
     if gimbal is None:
         return np.zeros(0), np.zeros((0, 4)), ()
-    vehicle_time = attitudes.time_boot_s
-    inside = (gimbal.time_boot_s >= vehicle_time[0]) & (gimbal.time_boot_s <= vehicle_time[-1])
-    if inside.sum() < 2:
+    time, ned_from_body, ypr = _gimbal_angles(gimbal, attitudes)
+    if len(time) < 2:
         text = (
             f"The log's gimbal angles were not used: {gimbal.source} never overlaps "
             f"{attitudes.source}. The camera's direction is taken from `mount`: check it."
         )
         return np.zeros(0), np.zeros((0, 4)), (Message("warning", "gimbal-unused", text),)
-    time = gimbal.time_boot_s[inside]
-    ned_from_body, _ = interpolate_rotation(vehicle_time, attitudes.ned_from_body_xyzw, time)
     heading = ypr_from_matrix(ned_from_body)[0]
-    # Yaw from north, not from the nose.
-    ypr = np.stack([gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad], axis=1)[inside]
-    ypr[:, 0] += heading if gimbal.yaw_frame == "vehicle" else 0.0
     ypr, stated = apply_stated_mount(mount, ypr, heading, gimbal.source)
     xyzw = xyzw_from_matrix(ENU_FROM_NED @ matrix_from_ypr(*ypr.T))
-    span = (float(vehicle_time[0]), float(vehicle_time[-1]))
+    span = (float(attitudes.time_boot_s[0]), float(attitudes.time_boot_s[-1]))
     time, xyzw, held = _held_to(time, xyzw, span, gimbal.source)
     return time, xyzw, (*stated, *held)
+
+
+def _gimbal_angles(
+    gimbal: GimbalSamples, attitudes: AttitudeSamples
+) -> tuple[Floats, Floats, Floats]:
+    """Return times (L,), the vehicle's attitudes (L, 3, 3), and yaw from north, pitch, roll (L, 3).
+
+    Those within the span of the vehicle's attitudes.
+    """
+    vehicle_time = attitudes.time_boot_s
+    inside = (gimbal.time_boot_s >= vehicle_time[0]) & (gimbal.time_boot_s <= vehicle_time[-1])
+    time = gimbal.time_boot_s[inside]
+    ned_from_body, _ = interpolate_rotation(vehicle_time, attitudes.ned_from_body_xyzw, time)
+    ypr = np.stack([gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad], axis=1)[inside]
+    if gimbal.yaw_frame == "vehicle":
+        ypr[:, 0] += ypr_from_matrix(ned_from_body)[0]
+    return time, ned_from_body, ypr
+
+
+def _report_unused(
+    gimbal: GimbalSamples, attitudes: AttitudeSamples, mount: MountOptions
+) -> tuple[Message, ...]:
+    """Report how far a mount fixed to the vehicle is from the gimbal's angles in the log."""
+    _, ned_from_body, ypr = _gimbal_angles(gimbal, attitudes)
+    known = np.isfinite(ypr).all(axis=1)
+    if not known.any():
+        return ()
+    fixed = ned_from_body[known] @ matrix_from_ypr(*np.radians(mount.angles_deg()))
+    recorded = matrix_from_ypr(*ypr[known].T)
+    return (report_stated_mount(mount, recorded, fixed, gimbal.source),)
 
 
 def _held_to(

@@ -19,10 +19,7 @@ export class Clicks {
   at(pane, u, v, sigma_px) {
     const { names, notice, question, rebuild, state } = this.tools;
     if (this.tools.again.takes(pane, u, v)) return;
-    if (question.isOpen) {
-      question.cancel();
-      return;
-    }
+    if (this.waits()) return;
     this.tools.leave();
     const { image } = pane;
     const near = marksNear(pane, u, v, names.coming);
@@ -48,6 +45,20 @@ export class Clicks {
     state.selected = found.about ?? state.selected;
     question.ask(found.words, found.choices.map((choice) => ({ words: choice.words, act: () => answer(choice) })), pane.box, state.tool !== "length");
     rebuild();
+  }
+
+  /** Handles a click on a point's mark. @param {string} label */
+  onMark(label) {
+    if (!this.waits()) this.tools.clickedMark(label);
+  }
+
+  // A click does nothing before a question about an earlier one is answered, and says so: neither is lost unseen.
+  waits() {
+    const { notice, question } = this.tools;
+    if (!question.isOpen) return false;
+    question.insist();
+    notice.show("This click marked nothing: answer the question first. Enter takes its first answer, Esc none.");
+    return true;
   }
 
   /** @param {Pane} pane @param {string} label @param {number} u @param {number} v @param {number | null} sigma_px */

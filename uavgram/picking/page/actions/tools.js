@@ -50,7 +50,7 @@ export class Tools {
     this.box = as(HTMLInputElement, byId("label")); // the field with the label for the next click
     this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
     this.names = new LabelsByPlace({ state, link, box: this.box });
-    this.question = new Question(() => this.answered());
+    this.question = new Question((isAnswered) => this.answered(isAnswered));
     this.offers = new Offers({ link, notice });
     this.edits = new LabelEdits({ tools: this, question: this.question, notice });
     this.clicks = new Clicks(this);
@@ -118,7 +118,9 @@ export class Tools {
   }
 
   // Cleans up after a question.
-  answered() {
+  /** @param {boolean} isAnswered */
+  answered(isAnswered) {
+    if (this.state.asked && !isAnswered) this.notice.show("Not answered: nothing was marked at the ring.", true);
     this.state.asked = null;
     this.rebuild();
     this.panes.active?.focus();

@@ -169,10 +169,10 @@ export interface PhotoFolders { seq?: number | null; t: "folders"; why?: string;
 // End of an action; `refused`: number of changes that do not fit any more.
 export interface Done { seq?: number | null; t: "done"; why?: string; refused?: number }
 export interface Answers { snap: Snapped | NotSnapped; side: Side; ties: TiePlaces; ground: Ground; export: Exported; folders: PhotoFolders; refuse: Done; reload: Done; "leave-out": Done; calibrate: Done; "stop-calibration": Done; "use-camera": Done; "take-aside": Done; "discard-aside": Done }
-// Folder in a list of the start page.
-export interface Listed { number: number; name: string; photos: number; is_flight: boolean; has_project: boolean }
-// Start of the start page: a folder, and those opened before.
-export interface Beginning { folder: number | null; is_chosen: boolean; opens: boolean; recent: Listed[] }
+// Folder in a list of the start page; `inside`: the folders around it, from the home.
+export interface Listed { number: number; name: string; inside: string; photos: number; is_flight: boolean; has_project: boolean }
+// Start of the start page: a folder, those opened before, and the newest flights.
+export interface Beginning { folder: number | null; is_chosen: boolean; opens: boolean; recent: Listed[]; newest: Listed[] }
 // Folder on the way to another one.
 export interface Step { number: number; name: string }
 // Folders in a folder, and the way to it.
@@ -190,7 +190,7 @@ export interface Line { name: string; start: string; end: string; length_m: numb
 // Monotone curve from the photo's values to the screen's.
 export interface Tone { black: number; white: number; gamma: number }
 // Photos of one folder and size.
-export interface FoundPhotos { pattern: string; count: number; width_px: number; height_px: number; example: string; camera: string; looks_deg: number | null }
+export interface FoundPhotos { pattern: string; count: number; width_px: number; height_px: number; example: string; camera: string; looks_deg: number | null; has_position: boolean }
 // Camera file, for photos of one size.
 export interface FoundCamera { name: string; width_px: number; height_px: number }
 // Pick a label in a photo, or move its existing pick; a sigma of None keeps the present one.

@@ -24,6 +24,8 @@ class Door {
   constructor() {
     /** @type {Listed[]} */
     this.recent = [];
+    /** @type {Listed[]} */
+    this.newest = []; // flights, wherever they are
     /** @type {number | null} */
     this.at = null; // the listed folder
     keepTab();
@@ -48,8 +50,9 @@ class Door {
     /** @type {number | null} */
     let opened = null; // the folder of a project that the program was started with
     await this.doing("Looking\u2026", async () => {
-      const { folder, is_chosen, opens, recent } = /** @type {Beginning} */ (await find("/door/beginning"));
+      const { folder, is_chosen, opens, recent, newest } = /** @type {Beginning} */ (await find("/door/beginning"));
       this.recent = recent;
+      this.newest = newest;
       this.at = folder;
       const begun = begunFolder(); // from before the page was loaded again
       if (opens) opened = folder;
@@ -67,7 +70,7 @@ class Door {
     const shown = /** @type {ListedFolders} */ (await find(`/door/folders?folder=${number ?? ""}`));
     this.at = number;
     keep({ folder: number });
-    showFolders(byId("folders"), shown, this.recent, {
+    showFolders(byId("folders"), shown, this, {
       list: (inner) => void this.doing("Looking\u2026", () => this.list(inner)),
       use: (inner) => void this.doing("Looking through the folder\u2026", () => this.look(inner)),
       open: (inner) => void this.open({ folder: inner }),

@@ -12,15 +12,16 @@ const folderIcon = () => shape("svg", { class: "folder", viewBox: "0 0 16 16", w
 const photosText = (count) => `${count} photo file${count === 1 ? "" : "s"}`;
 
 /**
- * @param {Element} section @param {ListedFolders} shown @param {Listed[]} recent
- * @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act
+ * @param {Element} section @param {ListedFolders} shown @param {{ recent: Listed[], newest: Listed[] }} elsewhere
+ * @param {Acts} act
  */
-export function showFolders(section, shown, recent, act) {
+export function showFolders(section, shown, { recent, newest }, act) {
   const { number, way, photos, are_inner, is_flight, folders } = shown;
   section.replaceChildren(
     node("h2", { id: "folders-title" }, "Which folder holds the photos?"),
     node("p", { class: "dim" }, "Copy the photos from the drone's memory card to this computer first, with the flight log if there is one. Nothing here leaves the computer."),
-    recent.length ? node("div", { class: "recent" }, node("h3", {}, "Opened before"), node("ul", { class: "folders", "aria-label": "Opened before" }, ...recent.map((one) => row(one, act)))) : "",
+    elsewhere("Opened before", recent, act),
+    elsewhere("Newest folders with photos", newest.filter((one) => one.number !== number && !folders.some((listed) => listed.number === one.number)), act),
     node("nav", { class: "crumbs", "aria-label": "Where you are" }, crumb("This computer", number === null, () => act.list(null)),
       ...way.map((one, k) => crumb(one.name, k === way.length - 1, () => act.list(one.number)))),
     number === null ? "" : node("div", { class: "here" },
@@ -29,12 +30,17 @@ export function showFolders(section, shown, recent, act) {
     folders.length ? node("ul", { class: "folders", "aria-label": "Folders" }, ...folders.map((one) => row(one, act))) : node("p", { class: "dim" }, "No folders in it."));
 }
 
+/** @typedef {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} Acts */
+
+/** @param {string} title @param {Listed[]} some @param {Acts} act */
+const elsewhere = (title, some, act) => (some.length ? node("div", { class: "recent" }, node("h3", {}, title), node("ul", { class: "folders", "aria-label": title }, ...some.map((one) => row(one, act, one.inside)))) : "");
+
 /** @param {string} words @param {boolean} isHere @param {() => void} go */
 const crumb = (words, isHere, go) => node("button", { class: "link", ...(isHere ? { "aria-current": "location" } : {}), onclick: go }, words);
 
-/** @param {Listed} one @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act */
-function row({ number, name, photos, is_flight, has_project }, act) {
-  const holds = [photos ? photosText(photos) : "", has_project ? "project" : ""].filter(Boolean).join(", ");
+/** @param {Listed} one @param {Acts} act @param {string} inside */
+function row({ number, name, photos, is_flight, has_project }, act, inside = "") {
+  const holds = [inside && `in ${inside}`, photos ? photosText(photos) : "", has_project ? "project" : ""].filter(Boolean).join(", ");
   return node("li", {}, node("button", { class: "into", name: "into", title: name, onclick: () => act.list(number) }, folderIcon(), node("span", {}, name), node("span", { class: "dim" }, holds)),
     has_project ? node("button", { name: "open", "aria-label": `Open ${name}`, onclick: () => act.open(number) }, "Open") : is_flight ? node("button", { name: "use", "aria-label": `Use ${name}`, onclick: () => act.use(number) }, "Use") : null);
 }

@@ -2,7 +2,7 @@
 
 import { node, shape, textIn } from "../elements/dom.js";
 
-/** @import { Found } from "../connection/protocol.js" */
+/** @import { Found, FoundPhotos } from "../connection/protocol.js" */
 
 const OTHER = "other";
 const AT = /** @type {const} */ ([44, 30]); // the camera
@@ -36,27 +36,44 @@ function drawing(way) {
 }
 
 // Describes the recorded orientation, as far as it is known before the files are read.
-/** @param {Found} found @param {number | null} looks */
-function recorded({ logs, has_gimbal }, looks) {
+/** @param {Found} found @param {number | null} looks @param {boolean} isPlaced */
+function recorded({ logs, has_gimbal }, looks, isPlaced) {
+  if (!isPlaced) return "nothing is recorded, and nothing is needed";
   if (looks !== null) return `the photos say ${Math.round(looks)}\u00b0 below the horizon`;
   if (has_gimbal) return "by the gimbal, in the log";
   return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "neither log nor photos say it: 90\u00b0 down would be assumed, and not be trusted";
 }
 
-/** @param {Found} found @param {number | null} looks angle below the horizon from the photos */
-export function mountPart(found, looks) {
+// Says that a choice replaces what is recorded.
+/** @param {Found} found @param {number | null} looks */
+function replaced({ has_gimbal }, looks) {
+  const said = looks !== null ? `the photos say ${Math.round(looks)}\u00b0 below the horizon` : has_gimbal ? "the log has the angles of a gimbal" : "";
+  return said && `Check this: ${said}. Your choice replaces it; As recorded takes it.`;
+}
+
+/** @param {Found} found @param {FoundPhotos[]} photos */
+export function mountPart(found, photos) {
+  const looks = photos.find(({ looks_deg }) => looks_deg !== null)?.looks_deg ?? null; // below the horizon
   const set = `${found.setup.pitch_deg}`;
   const chosen = WAYS.some(([value]) => value === set) ? set : OTHER;
   const deg = node("input", { name: "pitch_below", inputmode: "decimal", autocomplete: "off", value: chosen === OTHER ? -Number(set) : "", "aria-label": "Degrees below the horizon", size: 4 });
-  const isPlaced = found.logs.length + found.poses.length > 0 || looks !== null || found.has_project;
-  const isAsked = set === "auto" && !found.has_project && looks === null && !found.has_gimbal; // only a person knows
+  const isPlaced = found.logs.length + found.poses.length > 0 || photos.some(({ has_position }) => has_position) || found.has_project;
+  const isAsked = isPlaced && set === "auto" && !found.has_project && looks === null && !found.has_gimbal; // only a person knows
+  const remark = node("p", { class: "replaced", role: "status" });
   const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
-    isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos have no angles. Where they have positions, these are used together with the camera's direction; else the lengths on the ground place the photos, and any choice gives the same result."),
+    isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos state no positions: the lengths on the ground place them, and any choice gives the same result."),
     isAsked ? node("p", { class: "dim" }, `${found.has_gimbal === null ? "What is recorded is not known yet" : "Neither the log nor the photos say it"}: choose.`) : null,
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
       node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words),
-      value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks) : meant)))));
-  deg.addEventListener("input", () => { for (const one of part.querySelectorAll("input")) if (one.value === OTHER) one.checked = true; });
+      value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks, isPlaced) : meant)))),
+    remark);
+  const show = () => {
+    const way = part.querySelector("input[type=radio]:checked")?.getAttribute("value") ?? "auto";
+    remark.textContent = way === "auto" ? "" : replaced(found, looks);
+  };
+  part.addEventListener("change", show);
+  show();
+  deg.addEventListener("input", () => { for (const one of part.querySelectorAll("input")) if (one.value === OTHER) one.checked = true; show(); });
   return part;
 }
 

@@ -51,7 +51,7 @@ export function showSetup(section, found, act) {
   /** @param {Kind} kind */
   const showKind = (kind) => {
     camera.replaceChildren(...cameraPart(found, kind));
-    mount.replaceChildren(mountPart(found, kind.photos.find(({ looks_deg }) => looks_deg !== null)?.looks_deg ?? null));
+    mount.replaceChildren(mountPart(found, kind.photos));
   };
   showKind(kinds[0]);
   form.append(

@@ -1,5 +1,4 @@
-// A question with buttons, beside its subject. It blocks nothing else: continuing without an answer
-// cancels it.
+// A question with buttons, beside its subject. Another tool or photo cancels it.
 
 import { node } from "./dom.js";
 import { NUMERAL } from "./numbers.js";
@@ -9,7 +8,7 @@ import { NUMERAL } from "./numbers.js";
 const CANCEL = "Cancel (Esc)";
 
 export class Question {
-  /** @param {() => void} ended it was answered or cancelled */
+  /** @param {(isAnswered: boolean) => void} ended */
   constructor(ended) {
     this.ended = ended;
     /** @type {HTMLElement | null} */
@@ -41,12 +40,18 @@ export class Question {
     if (!this.box) return;
     this.box.remove();
     this.box = null;
-    this.ended();
+    this.ended(Boolean(act));
     act?.();
   }
 
   cancel() {
     this.end(null);
+  }
+
+  // Shows that the question is open, to somebody who went on without an answer.
+  insist() {
+    this.box?.animate([{ opacity: 0.3 }, { opacity: 1 }], { duration: 250, iterations: 2 });
+    this.box?.querySelector("button")?.focus({ preventScroll: true });
   }
 
   // Handles a key that answers the question, regardless of the focus.

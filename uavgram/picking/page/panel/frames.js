@@ -61,7 +61,7 @@ function framesPart(facts, show) {
 }
 
 /** @param {ProjectActions} project */
-const damagedPart = (project) => titled("Damaged photos", list(store.opening.filter(({ code }) => code === "photo-damaged")), leaveOutButton(project));
+const damagedPart = (project) => titled("Photos that cannot be used", list(store.opening.filter(({ code }) => code === "photo-damaged")), leaveOutButton(project));
 
 /** @param {ProjectActions} project */
 const leftOutPart = (project) => (store.leftOut.length ? titled("Left out by the project", table("Photos left out", ["photo", ""],
