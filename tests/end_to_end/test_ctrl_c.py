@@ -196,6 +196,35 @@ def test_where_nothing_can_be_raised_it_is_raised_a_moment_later() -> None:
     assert (process.returncode, said) == (130, LINE)
 
 
+TWICE = """
+import os, shutil, signal, sys, uavgram.cli.entry as entry
+from uavgram.cli import main
+from uavgram.io.outputs import stage_output
+def strike():
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(1000): pass
+remove = shutil.rmtree
+def interrupted_remove(*of, **how):
+    strike()
+    remove(*of, **how)
+def twice(_):
+    with stage_output(output) as folder:
+        (folder / "half").touch()
+        shutil.rmtree = interrupted_remove
+        strike()
+entry.app = twice
+os.write(1, b"!")
+sys.exit(main())
+"""
+
+
+def test_a_second_ctrl_c_leaves_nothing_of_the_first_one_behind(tmp_path: Path) -> None:
+    with start(code=f"output = {str(tmp_path)!r}\n{TWICE}") as process:
+        _, said = process.communicate(timeout=LONGEST_WAIT_S)
+    assert (process.returncode, said) == (130, LINE)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("what", "ended"), [("done", Ended(130, ENDS)), ("failed", Ended(1, "uavgram: the message\n"))]
 )

@@ -53,11 +53,21 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     global _interrupted  # noqa: PLW0603
     _interrupted = True
     if _status is None:
-        raise KeyboardInterrupt
+        if not _is_ending():
+            raise KeyboardInterrupt
+        return
     if _status == 0:  # at the end of the process, nothing is caught any more
         sys.stderr.write("uavgram: interrupted; the command was done already\n")
         os._exit(INTERRUPTED)
     # Otherwise one line was written already.
+
+
+def _is_ending() -> bool:
+    """Return whether an earlier Ctrl+C is ending the command: nothing interrupts its tidying up."""
+    handled = sys.exception()
+    while handled is not None and not isinstance(handled, KeyboardInterrupt):
+        handled = handled.__context__
+    return handled is not None
 
 
 def _leave() -> None:

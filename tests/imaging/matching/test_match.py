@@ -325,6 +325,29 @@ def test_noise_hides_no_side_and_an_edge_along_the_line_fixes_none(
     assert least <= share_fixed(make, np.random.default_rng(5)) <= most
 
 
+BESIDE_PX = 2
+"""Distance of a click from the corner of a thing, on either axis."""
+
+
+def test_ground_is_not_found_for_a_click_beside_a_corner_that_looks_like_it() -> None:
+    rng = np.random.default_rng(6)
+    fixed = []
+    for _ in range(60):
+        ground, roof = (
+            cv2.GaussianBlur(rng.normal(120.0, 30.0, (SIDE, SIDE)), (0, 0), 1.5) for _ in range(2)
+        )
+        corner = SIDE // 2 + BESIDE_PX
+        seen = ground.copy()
+        seen[corner:, :-corner] = roof[corner:, :-corner]
+        near, far = (
+            (one + rng.normal(0.0, NOISE, ground.shape)).astype(np.float32)[None]
+            for one in (seen, ground)
+        )
+        there = fit_patches(near, far, np.zeros((1, 2)), np.eye(2)[None], HALF, 12)
+        fixed.append(find_unoccluded(near, far, there, ALONG)[0])
+    assert np.mean(fixed) < 0.3
+
+
 OCCLUDED_SHAPE = (120, 140)
 AT = np.array([66.0, 58.0])
 TURN = np.array([[0.96, -0.28], [0.28, 0.96]])

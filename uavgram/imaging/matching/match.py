@@ -89,11 +89,7 @@ def make_shifted_windows(aside: int) -> ShiftedWindows:
 _SHIFT = 3  # steps: the edges at the point are in every window
 _SHIFTED = make_shifted_windows(_SHIFT)
 _OTHER_STEPS: Floats = np.array([0.0, -4.0, -3.0, 3.0, 4.0])  # steps along the line of sight
-_MAX_RATIO = 0.75  # largest ratio of dissimilarity at the match to that at the other places
-_CHANCE_SHARE = 0.1  # of the noise: chance variation in a window
-_DIFFERENCE_VARIANCE = (
-    0.25  # variance of the difference of two windows of the same area [grey values squared]
-)
+_LEAST_NOISE = 0.25  # least variance of the difference of two windows [grey values squared]
 
 
 def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> Bools:
@@ -117,12 +113,14 @@ def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> B
         seen = sample_grey(far[i], u, v)
         like, variance = _SHIFTED.likeness(near[i, edge:-edge, edge:-edge].ravel(), seen)
         unlike = variance * (1.0 - like)
-        noise = np.median(unlike[0])  # of both photos
-        here, *others = (unlike - noise)[:, variance > MIN_TEXTURE_SIGMA**2]
-        # Every textured window must match clearly better here than at any other place along the
-        # line.
-        most = _MAX_RATIO * np.min(others, axis=0)
-        fixed[i] = (here + _CHANCE_SHARE * noise + _DIFFERENCE_VARIANCE <= most).all()
+        here, *others = unlike[:, variance > MIN_TEXTURE_SIGMA**2]
+        other = np.maximum(np.min(others, axis=0), _LEAST_NOISE)
+        noise = np.clip(np.median(unlike[0]), _LEAST_NOISE, other)  # of both photos
+        # The difference of each textured window is noise, or that of another place. Both are normal
+        # and of known variance; up to `even`, noise is the likelier.
+        ratio = other / noise
+        even = other * np.log(ratio) / np.maximum(ratio - 1.0, 1e-9)
+        fixed[i] = (here <= even).all()
     return fixed
 
 
