@@ -235,8 +235,8 @@ def _attitude_sigmas(
     if options.attitude_sigma_deg != "auto":
         sigma = np.tile(np.radians(options.attitude_sigma_deg), (len(poses.frame_id), 1))
         tilt, yaw = options.attitude_sigma_deg[0], np.maximum(yaw, options.attitude_sigma_deg[1])
-    tilt = np.full_like(yaw, np.hypot(tilt, scatter_deg))
-    guessed = np.radians(np.stack([tilt, yaw], axis=1))
+    tilts = np.full_like(yaw, np.hypot(tilt, scatter_deg))
+    guessed = np.radians(np.stack([tilts, yaw], axis=1))
     return np.where(has_attitude[:, None], sigma, guessed)
 
 
