@@ -40,6 +40,8 @@ def report_misspelt_labels(survey: Survey, adjustment: Adjustment) -> Iterator[M
     frame = np.array([frame_of.get(name, -1) for name in where], dtype=np.int64)
     row = adjustment.label_rows(survey.label[k] for k in label)
     known = np.flatnonzero((frame >= 0) & (row >= 0))
+    # Without those behind the camera.
+    known = known[np.isfinite(adjustment.pixels(frame[known], row[known])).all(axis=1)]
     if not len(known):
         return
     place, covariance = predict_pixels(adjustment, frame[known], row[known])
