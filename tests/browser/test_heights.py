@@ -143,6 +143,7 @@ def test_a_profile_and_a_volume_by_keyboard_are_seen_from_the_side(
     table = page.get_by_role("table", name="Points from the side")
     expect(table.get_by_role("row")).to_have_count(4)
     assert table.evaluate("box => box.scrollWidth <= box.parentElement.clientWidth")
+    keyboard.press("Escape")
     keyboard.press("8")
     for label in ("R1", "R2", "R7", "R4"):
         choose(page, label)
@@ -155,6 +156,7 @@ def test_a_profile_and_a_volume_by_keyboard_are_seen_from_the_side(
     eventually(page, lambda: "m³" in measured(page).get("VO1", ""))
     (volume,) = (one for one in server.picking.state.requests if one.name == "VO1")
     assert volume.parameters == (("level", -1.5),)
+    keyboard.press("Escape")
     keyboard.press("3")
     choose(page, "R1")
     keyboard.press("Enter")

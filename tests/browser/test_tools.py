@@ -71,6 +71,24 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(
         assert not open_page.errors
 
 
+def test_a_number_typed_after_a_drawn_distance_is_no_shortcut(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.keyboard.press("d")
+        for u, v in planted.marks_px[:2]:
+            page.mouse.click(*to_page(page, u, v))
+        eventually(page, lambda: len(server.picking.state.requests) == 1)
+        page.keyboard.type("24.5")
+        expect(page.get_by_role("alert")).to_contain_text("choose Taped length (L)")
+        expect(page.locator('[data-tool="distance"]')).to_be_checked()
+        page.keyboard.press("Escape")
+        page.keyboard.press("5")
+        expect(page.locator('[data-tool="vertical_distance"]')).to_be_checked()
+        assert not open_page.errors
+
+
 @pytest.fixture
 def survey(data_dir: Path, tmp_path: Path) -> Path:
     """A survey with a flight log, in which one distance is measured."""

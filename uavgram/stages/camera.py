@@ -32,7 +32,7 @@ from uavgram.model.camera import (
     make_assumed_covariance,
 )
 from uavgram.model.message import Message
-from uavgram.model.naming import format_digits
+from uavgram.model.naming import format_digits, join_names
 from uavgram.model.result.result import MAX_SIGMA_RATIO, CameraUpdate
 
 REMEDY = (
@@ -311,6 +311,15 @@ CONTRADICTION_SIGMAS = 3.0
 _PIXELS = {"fx", "fy", "cx", "cy"}
 
 
+_PARTS = {
+    "f": "the focal length",
+    "c": "the principal point",
+    "k": "the distortion",
+    "p": "the distortion",
+}
+"""Parts of a camera, in words, by the first letter of a parameter's name."""
+
+
 def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> tuple[Message, ...]:
     """Report which parameters the survey determines better than the calibration, and which not.
 
@@ -331,8 +340,9 @@ def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> t
     before = "assumed camera" if is_assumed else "calibration"
     learnt = np.flatnonzero(camera.learnt)
     rest = [camera.names[i] for i in np.flatnonzero(~camera.learnt & ~np.isnan(camera.ratio))]
+    parts = join_names(dict.fromkeys(_PARTS[name[0]] for name in rest))
     unknown = (
-        f"{' '.join(rest)} cannot be learnt from it (their sigmas stay within "
+        f"it says next to nothing about {parts} (sigmas stay within "
         f"{100 * (1 - MAX_SIGMA_RATIO):.0f} % of the {before}'s)"
     )
     if not learnt.size:

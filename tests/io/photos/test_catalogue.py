@@ -207,6 +207,7 @@ def test_a_name_that_does_not_fit_the_pattern_is_named(photo: Photo, tmp_path: P
     with pytest.raises(InputError, match="filename_format") as caught:
         read_photos((str(tmp_path / "*.jpg"),), FILENAME)
     assert caught.value.path == str(path)
+    assert "if it is a copy, or set time.source to auto" in str(caught.value)
 
 
 def test_two_photos_of_one_name_are_refused(photo: Photo, tmp_path: Path) -> None:

@@ -243,6 +243,24 @@ def test_stated_sigmas_hold_for_a_guessed_attitude_too_but_make_it_no_better(
     np.testing.assert_allclose(np.degrees(sharp.sigma_attitude_rad[0]), [4.0, 15.0])
 
 
+@pytest.mark.parametrize(("pitch_deg", "scatter"), [((-45.0, -45.0), 0.0), ((-35.0, -55.0), 10.0)])
+def test_a_photo_without_attitude_is_as_steep_as_the_others_as_far_as_these_agree(
+    make_poses: Callable[..., PhotoPoses], pitch_deg: tuple[float, float], scatter: float
+) -> None:
+    angles = [(20.0, pitch, 0.0) for pitch in 2 * pitch_deg] + [(np.nan,) * 3]
+    poses = replace(make_poses(ROUTE[:5]), ypr_rad=np.radians(angles))
+    exposures, messages = place(poses)
+    stated, _ = place(poses, MountOptions(pitch_deg=-60.0))
+
+    optical_axis = exposures.world_from_gimbal[4][:, 0]
+    np.testing.assert_allclose(np.degrees(np.arcsin(optical_axis[2])), -45.0)
+    np.testing.assert_allclose(stated.world_from_gimbal[4][2, 0], -np.sin(np.radians(60.0)))
+    tilt, yaw = np.degrees(exposures.sigma_attitude_rad[4])
+    assert (tilt, yaw) == (pytest.approx(np.hypot(6.0, scatter)), 180.0)
+    np.testing.assert_allclose(np.degrees(stated.sigma_attitude_rad[4]), [6.0, 180.0])
+    assert "by the other photos and `mount`" in messages[0].text
+
+
 def test_exposures_of_photos_stand_still_and_go_by_name(
     make_poses: Callable[..., PhotoPoses],
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -204,3 +205,13 @@ def test_what_is_true_of_all_measurements_does_not_list_them() -> None:
 
     told = lay_out_brief(replace(result, measurements=rows)).limits
     assert told[0].endswith("does not fit: all 3 measurements.")
+
+
+def test_the_plan_tells_of_how_many_measurements_it_names_the_least_certain() -> None:
+    pairs = enumerate(pairwise(f"P{i:02d}" for i in range(30)))
+    many = survey.build(measures=tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs))
+
+    assert "measured (of 29, the 12 least certain for their size are named)" in first_page(
+        render_report(many)
+    )
+    assert "least certain for their size are named" not in render_report(survey.build())

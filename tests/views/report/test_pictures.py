@@ -283,3 +283,25 @@ def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() 
         assert len(one.drawing.find_shapes("picks")) >= len(named) > 0
 
     assert others == {"P09"}
+
+
+def test_an_end_without_a_used_pick_in_the_photo_is_named_where_its_line_ends() -> None:
+    made = result()
+    first = shown().measurements[0]
+    label = made.measurements.points[made.measurements.name.index(first.name)][0]
+    image = made.frames.frame_id[first.region.frame]
+    for status in ("unused", "removed"):
+        changed = tuple(
+            status if (photo, name) == (image, label) else old
+            for photo, name, old in zip(
+                made.picks.image, made.picks.label, made.picks.status, strict=True
+            )
+        )
+        told = gallery(replace(made, picks=replace(made.picks, status=changed)), pictures())
+        assert told is not None
+        (one,) = [one for one in told.measurements if one.name == first.name]
+        end = one.drawing.find_shapes("lines")[0][0]
+        named = [text for text in one.drawing.texts if text.text == label]
+        away = [np.hypot(text.x - end[0], text.y - end[1]) for text in named]
+
+        assert min(away) < 40 * one.drawing.unit

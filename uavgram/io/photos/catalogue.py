@@ -335,7 +335,8 @@ def _filename_reading(path: Path, pattern: str) -> _Reading:
         raise InputError(
             path,
             f"its name without suffix, {path.stem!r}, does not fit time.filename_format "
-            f"{pattern!r} ({error})",
+            f"{pattern!r} ({error}): rename it, or move it out of the folder if it is a copy, or "
+            "set time.source to auto",
         ) from error
     resolution = 1.0
     if "%f" in pattern:

@@ -245,7 +245,9 @@ UNUSED = (
         WARNING,
         finding=(
             "A label is picked once and looks like another label: `Pl` and `P1`, `O` and `0`, "
-            "small and capital letters, Cyrillic and Latin letters."
+            "small and capital letters, Cyrillic and Latin letters. Or it is one letter off "
+            "another, such as `P10` and `P1`, and at the place where that one is expected in the "
+            "photo, and not picked."
         ),
         consequence="If both are one point, its two names do not tie the photos together.",
         action=(

@@ -233,7 +233,10 @@ POSES = (
             "them: all photos, or some, while the others were taken elsewhere and do not look to "
             "the horizon."
         ),
-        consequence="They were not used: the camera is assumed to look as `mount` states.",
+        consequence=(
+            "They were not used: these photos are assumed to look as `mount` states or, where it "
+            "does not, as steeply down as the other photos."
+        ),
         action="State the direction in `mount`, or give the angles in a CSV file.",
     ),
     Entry(

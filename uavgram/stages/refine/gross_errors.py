@@ -120,8 +120,8 @@ undetermined picks."""
 
 MISPLACED = LeftOut(
     LeftOutCause.MISPLACED_FRAME,
-    "most of its picks contradict the other photos, the lengths and the log: look for labels in "
-    "disorder, for a photo of another place, or one that was mirrored or turned",
+    "most of its picks contradict all other observations: look for labels in disorder, for a photo "
+    "of another place, or one that was mirrored or turned",
 )
 
 

@@ -34,6 +34,7 @@ from uavgram.stages.refine.causes.mirrored_photos import (
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.left_out import add_records, report_poses_left_out
 from uavgram.stages.refine.minima import find_best_minima
+from uavgram.stages.refine.misspelt_labels import report_misspelt_labels
 from uavgram.stages.refine.noise import estimate_noise, report_noise
 from uavgram.stages.refine.off_ground import report_off_ground
 from uavgram.stages.refine.remarks import (
@@ -139,6 +140,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         *report_noise(refined.noise),
         *report_learnt(refined.adjustment),
         *report_poses_left_out(refined),
+        *report_misspelt_labels(survey, refined.adjustment),
     )
     if not any("lengths" in one.message.code for one in begun.causes):
         search += report_possible_errors(refined.adjustment)

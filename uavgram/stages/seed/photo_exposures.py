@@ -73,9 +73,10 @@ def place_photos(
 ) -> tuple[PhotoExposures, tuple[Message, ...]]:
     """Convert the photos' poses to exposures in the local world.
 
-    Photos without attitude look as `mount` states from a level vehicle. Where their tags do not
-    state the heading of its nose, it is unknown (north, with a sigma of 180 degrees), and the picks
-    have to determine it: the course is no evidence, as multicopters fly backwards and sideways too.
+    Photos without attitude look as `mount` states from a level vehicle; where it states no pitch,
+    they are as steep as the other photos are on average. Where their tags do not state the heading
+    of its nose, it is unknown (north, with a sigma of 180 degrees), and the picks have to determine
+    it: the course is no evidence, as multicopters fly backwards and sideways too.
 
     Parameters
     ----------
@@ -95,11 +96,12 @@ def place_photos(
     nose = poses.vehicle_ypr_rad[:, 0]
     heading = np.where(np.isnan(nose), poses.ypr_rad[:, 0], nose)
     ypr, stated = apply_stated_mount(mount, poses.ypr_rad, heading, poses.source)
-    messages = (*_messages(poses, has_attitude), *stated)
+    pitch, scatter = _guess_pitch_deg(ypr[has_attitude, 1], mount)
+    messages = (*_messages(poses, has_attitude, scatter), *stated)
     ned_from_body = _vehicle(poses, heading)
-    # Attitude of the camera: stated, or by the mount on a level vehicle.
+    # Attitude of the camera: stated, or by the mount or the other photos on a level vehicle.
     ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(ypr).T)
-    guessed = _level(heading) @ matrix_from_ypr(*np.radians(mount.angles_deg()))
+    guessed = _level(heading) @ matrix_from_ypr(*np.radians(mount.angles_deg((0.0, pitch, 0.0))))
     ned_from_gimbal = np.where(has_attitude[:, None, None], ned_from_gimbal, guessed)
     exposures = PhotoExposures(
         frame_id=poses.frame_id,
@@ -107,11 +109,26 @@ def place_photos(
         world_from_body=ENU_FROM_NED @ ned_from_body,
         world_from_gimbal=ENU_FROM_NED @ ned_from_gimbal,
         sigma_position_m=sigma_position,
-        sigma_attitude_rad=_attitude_sigmas(poses, telemetry, has_attitude),
+        sigma_attitude_rad=_attitude_sigmas(poses, telemetry, has_attitude, scatter),
         by_mount=~has_attitude,
         source=poses.source,
     )
     return exposures, (*messages, *_bias_hint(sigma_position, telemetry))
+
+
+def _guess_pitch_deg(pitch_rad: Floats, mount: MountOptions) -> tuple[float, float]:
+    """Return the pitch of photos without attitude, and its scatter among the others [deg].
+
+    Parameters
+    ----------
+    pitch_rad
+        (n,) pitch of the others; without any, that of the mount is taken.
+    mount
+        Mount of the camera.
+    """
+    if not len(pitch_rad):
+        return mount.angles_deg()[1], 0.0
+    return float(np.degrees(np.mean(pitch_rad))), float(np.degrees(np.std(pitch_rad)))
 
 
 def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> Iterator[Message]:
@@ -157,19 +174,21 @@ def _heights(poses: PhotoPoses, origin: Origin) -> tuple[Floats, Bools]:
     return np.where(known, height, usual), known
 
 
-def _messages(poses: PhotoPoses, has_attitude: Bools) -> Iterator[Message]:
+def _messages(poses: PhotoPoses, has_attitude: Bools, scatter_deg: float) -> Iterator[Message]:
     """Report the assumptions on photos without attitude."""
     has_nose = np.isfinite(poses.vehicle_ypr_rad[:, 0])
     by_nose = np.flatnonzero(~has_attitude & has_nose)
     unknown = np.flatnonzero(~has_attitude & ~has_nose)
+    likeness = "the other photos and " if has_attitude.any() else ""
+    how = f"by {likeness}`mount`"
+    tilt_deg = np.hypot(MOUNT_TILT_SIGMA_DEG, scatter_deg)
     way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`)"
     if by_nose.size:
         frames = tuple(poses.frame_id[k] for k in by_nose)
         text = (
             f"There is no attitude in {poses.source} for {format_photo_count(frames)}: the "
-            f"direction "
-            "is assumed by `mount` from a level vehicle with the heading of its tags (sigma "
-            f"{MOUNT_TILT_SIGMA_DEG:g} degrees of tilt, {NOSE_YAW_SIGMA_DEG:g} of yaw). If you "
+            f"direction is assumed {how} from a level vehicle with the heading of its tags (sigma "
+            f"{tilt_deg:.2g} degrees of tilt, {NOSE_YAW_SIGMA_DEG:g} of yaw). If you "
             f"know better, {way_out}."
         )
         yield Message("warning", "attitude-from-course", text, frames=frames)
@@ -177,11 +196,10 @@ def _messages(poses: PhotoPoses, has_attitude: Bools) -> Iterator[Message]:
         frames = tuple(poses.frame_id[k] for k in unknown)
         text = (
             f"There is no attitude in {poses.source} for {format_photo_count(frames)}. The "
-            f"direction "
-            "is assumed by `mount` from a level vehicle (sigma "
-            f"{MOUNT_TILT_SIGMA_DEG:g} degrees of tilt); the heading is unknown, "
-            "as a drone may fly backwards and sideways. Only points that several photos share, or "
-            f"known points, determine it. Pick such points, or {way_out}."
+            f"direction is assumed {how} from a level vehicle (sigma {tilt_deg:.2g} degrees "
+            "of tilt); the heading is unknown, as a drone may fly backwards and sideways. Only "
+            "points that several photos share, or known points, determine it. Pick such points, "
+            f"or {way_out}."
         )
         yield Message("warning", "attitude-unknown", text, frames=frames)
 
@@ -195,8 +213,20 @@ def _position_sigmas(poses: PhotoPoses, options: TelemetryOptions) -> Floats:
     return np.where(np.isfinite(stated), stated, [HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M])
 
 
-def _attitude_sigmas(poses: PhotoPoses, options: TelemetryOptions, has_attitude: Bools) -> Floats:
-    """Return sigmas (N, 2) of roll and pitch, and of yaw [rad]; guesses keep their wide sigmas."""
+def _attitude_sigmas(
+    poses: PhotoPoses, options: TelemetryOptions, has_attitude: Bools, scatter_deg: float
+) -> Floats:
+    """Return sigmas (N, 2) of roll and pitch, and of yaw [rad]; guesses keep their wide sigmas.
+
+    Parameters
+    ----------
+    poses, options
+        Stated sigmas of the photos, and of the project.
+    has_attitude
+        (N,) mask of the photos that state one.
+    scatter_deg
+        Scatter of the pitch of these.
+    """
     stated = poses.sigma_attitude_rad[:, None]
     sigma = np.where(np.isfinite(stated), stated, np.radians([TILT_SIGMA_DEG, YAW_SIGMA_DEG]))
     has_nose = np.isfinite(poses.vehicle_ypr_rad[:, 0])
@@ -205,7 +235,8 @@ def _attitude_sigmas(poses: PhotoPoses, options: TelemetryOptions, has_attitude:
     if options.attitude_sigma_deg != "auto":
         sigma = np.tile(np.radians(options.attitude_sigma_deg), (len(poses.frame_id), 1))
         tilt, yaw = options.attitude_sigma_deg[0], np.maximum(yaw, options.attitude_sigma_deg[1])
-    guessed = np.radians(np.stack([np.full_like(yaw, tilt), yaw], axis=1))
+    tilts = np.full_like(yaw, np.hypot(tilt, scatter_deg))
+    guessed = np.radians(np.stack([tilts, yaw], axis=1))
     return np.where(has_attitude[:, None], sigma, guessed)
 
 

@@ -198,13 +198,13 @@ def _describe_alignment(alignment: Alignment, photos: int) -> str:
     clock = alignment.clock
     drift = ""
     if clock.drifts:
-        drift = f", drifting by {clock.drift * 1e6:+.1f} +- {clock.drift_sigma * 1e6:.1f} ppm,"
+        drift = f", drifting by {clock.drift * 1e6:+.1f} ± {clock.drift_sigma * 1e6:.1f} ppm,"
     paired = alignment.event_index >= 0
     scatter = float(np.sqrt(np.mean(alignment.residual_s[paired] ** 2)))
     return (
-        f"Camera clock minus UTC is {clock.offset_s:+.4f} +- {clock.offset_sigma_s:.4f} s{drift} "
-        f"by {int(paired.sum())} of {photos} photos on a camera event each, {scatter:.3f} s rms "
-        f"apart (next best: {_rival(alignment)})."
+        f"Camera clock minus UTC is {clock.offset_s:+.4f} ± {clock.offset_sigma_s:.4f} s{drift} "
+        f"by {int(paired.sum())} of {photos} photos on a camera event each, typically "
+        f"{scatter:.3f} s apart (next best: {_rival(alignment)})."
     )
 
 
@@ -301,7 +301,7 @@ def synchronise_by_ties(
     # Truncation or rounding of file times: root mean square step / sqrt(8).
     sigma = float(np.hypot(clock.sigma_s, np.nanmax(photos.file_time_resolution_s) / np.sqrt(8.0)))
     text = (
-        f"The camera's clock is {clock.offset_s:+.2f} +- {sigma:.2f} s ahead of UTC: so the log's "
+        f"The camera's clock is {clock.offset_s:+.2f} ± {sigma:.2f} s ahead of UTC: so the log's "
         f"track fits the tie points of {len(rows)} photos. The log has no camera events for a "
         "better value."
     )

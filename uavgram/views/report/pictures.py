@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.naming import format_count
 from uavgram.model.observations import Source
 from uavgram.model.result.result import Picture, Pictures, Region, Result
@@ -203,6 +203,8 @@ class _SharedContent(NamedTuple):
         Notes on the picks of each measurement.
     picks
         Rows of the picks that the adjustment considered, used ones first, by frame.
+    places
+        (K, 2) adjusted places of all points by frame that is shown; NaN outside the photo.
     sha256
         Checksums by frame that is shown.
     """
@@ -211,6 +213,7 @@ class _SharedContent(NamedTuple):
     bars: dict[Region, Bar]
     alone: Sequence[str]
     picks: dict[int, Ints]
+    places: dict[int, Floats]
     sha256: dict[int, str]
 
 
@@ -265,6 +268,10 @@ def _collect_shared_content(result: Result, regions: Sequence[Region]) -> _Share
         bars=scale_bars(result, regions),
         alone=note_automatic_values(result),
         picks={frame: seen[image[seen] == names[frame]] for frame in frames},
+        places={
+            frame: project_from(result, row_poses(result, frame), result.points.position_world_m)
+            for frame in frames
+        },
         sha256={frame: photo_sha256(result, frame) for frame in frames},
     )
 
@@ -302,7 +309,7 @@ def _photo_picture(
     _draw_picks(drawing, result, region, picks)
     if region in drawn.bars:
         place_bar(drawing, drawn.bars[region], region, result.picks.pixel_px[picks])
-    _name_picks(drawing, result, region, picks)
+    _name_points(drawing, result, drawn, region, picks)
     return PhotoPicture(
         region=region,
         drawing=drawing,
@@ -355,10 +362,14 @@ def _words(
 def _picks_in(result: Result, drawn: _SharedContent, region: Region) -> list[int]:
     """Return the rows of the picks in a region that the adjustment considered, used ones first."""
     rows = drawn.picks[region.frame]
-    low = np.array([region.left_px, region.top_px]) - 0.5
-    away = result.picks.pixel_px[rows] - low
+    return [int(row) for row in rows[_is_in_region(result.picks.pixel_px[rows], region)]]
+
+
+def _is_in_region(pixel_px: Floats, region: Region) -> Bools:
+    """Mark (n,) the (n, 2) pixels within a region; NaN is outside."""
+    away = pixel_px - np.array([region.left_px, region.top_px]) + 0.5
     inside = (away >= 0.0) & (away <= [region.width_px, region.height_px])
-    return [int(row) for row in rows[inside.all(axis=1)]]
+    return np.asarray(inside.all(axis=1), np.bool_)
 
 
 def _draw_picks(drawing: Drawing, result: Result, region: Region, rows: Sequence[int]) -> None:
@@ -386,18 +397,33 @@ def _is_wrong(result: Result, pick: int) -> bool:
     return result.picks.status[pick] in ("suspect", "removed")
 
 
-def _name_picks(drawing: Drawing, result: Result, region: Region, rows: Sequence[int]) -> None:
-    """Place the names of the picks of the picture's subject, and of wrong ones."""
+def _name_points(
+    drawing: Drawing,
+    result: Result,
+    drawn: _SharedContent,
+    region: Region,
+    rows: Sequence[int],
+) -> None:
+    """Place the names of the points of the picture's subject, and of wrong picks.
+
+    A point without a used pick in the photo is named at its adjusted place, where its lines end.
+    """
     picks, own = result.picks, _subject_labels(result, region)
     half = HALF_MIDDLE * drawing.unit
     drawing.reserve([box(picks.pixel_px[i], half, half) for i in rows])
-    drawing.place(
-        [
-            TextRequest(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
-            for i in rows
-            if picks.label[i] in own or _is_wrong(result, i)
-        ]
-    )
+    named = [
+        TextRequest(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
+        for i in rows
+        if picks.label[i] in own or _is_wrong(result, i)
+    ]
+    used = {picks.label[i] for i in rows if picks.status[i] != "removed"}
+    spots, labels = drawn.places[region.frame], result.points.label
+    named += [
+        TextRequest(labels[k], "name", spots[k : k + 1])
+        for k in np.flatnonzero(_is_in_region(spots, region))
+        if labels[k] in own - used
+    ]
+    drawing.place(named)
 
 
 def _subject_labels(result: Result, region: Region) -> frozenset[str]:

@@ -73,6 +73,8 @@ class TopView:
         Departure from the plane from which on colours are full; 0 if there is none.
     has_off_ground, has_doubt
         Whether points are marked that are off the ground, and values that are doubtful.
+    measured, named
+        Number of measurements drawn, and of those of them with a name: the least certain ones.
     ellipse_factor, fill_ellipses
         Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
     small_unit
@@ -84,6 +86,8 @@ class TopView:
     full_m: float
     has_off_ground: bool
     has_doubt: bool
+    measured: int
+    named: int
     ellipse_factor: int
     fill_ellipses: bool
     small_unit: str
@@ -209,6 +213,8 @@ def top_view(
         full_m=uneven.full_m if uneven else 0.0,
         has_off_ground=off_ground,
         has_doubt=any(text.text.endswith(DOUBT_MARK) for text in drawing.texts),
+        measured=len(measured_strips(result)),
+        named=sum(text.kind == "measured" for text in drawing.texts),
         ellipse_factor=factor,
         fill_ellipses=fill_ellipses,
         small_unit="centimetres" if units.length == "m" else "inches",

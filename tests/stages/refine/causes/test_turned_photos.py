@@ -114,3 +114,23 @@ def test_a_photo_of_another_place_is_told_as_such(scene_factory: Callable[..., S
     assert cause.message.code == "photo-elsewhere"
     assert cause.mend is not None
     assert cause.mend.without_picks == frozenset(picks.tolist())
+
+
+def test_of_two_photos_without_a_log_nothing_shows_which_one_was_mirrored(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))
+    options = OPTIONS | {"frames": 2, "lines": len(pairs), "spread": 3.0}
+    survey = scene_factory(3001, ends=pairs, telemetry=False, gauge="plane", **options).survey
+    pixel = np.array(survey.pixel_px)
+    mirrored = survey.pick_frame == 1
+    pixel[mirrored, 0] = WIDTH - 1 - pixel[mirrored, 0]
+    _, messages = refine(replace(survey, pixel_px=pixel), SolveOptions(noise="stated"))
+    (message,) = [one for one in messages if one.code == "photo-mirrored"]
+
+    assert set(message.frames) == {"f0", "f1"}
+    assert "nothing shows which" in message.text
+    assert message.mend is not None
+    offered = [one.words for one in (message.mend, *message.instead)]
+    assert sorted(offered) == ["Put the picks of f0 back", "Put the picks of f1 back"]
+    assert not any("the log" in one.text for one in messages)

@@ -60,7 +60,7 @@ export function listenToKeys(acted) {
   window.addEventListener("keydown", (event) => {
     if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
     if (closesHelp(event)) event.preventDefault();
-    else if (!isTyped(event) && !isForForm(acted, event) && (acted.tools.question.answers(event) || handle(acted, event))) event.preventDefault();
+    else if (!isTyped(event) && !isForForm(acted, event) && (acted.tools.question.answers(event) || (isOfNumber(event) && acted.tools.keepFromShortcut(event.key)) || handle(acted, event))) event.preventDefault();
   });
   window.addEventListener("keyup", ({ key }) => { if (key === " ") acted.state.spaceHeld = false; });
   window.addEventListener("blur", () => { acted.state.spaceHeld = false; });
@@ -125,7 +125,10 @@ function isTyped({ key, target }) {
 
 // A number typed while a form waits for one belongs to it, regardless of the focus: the key is passed to the field.
 /** @param {Acted} acted @param {KeyboardEvent} event */
-const isForForm = ({ tools }, { key, ctrlKey, altKey, metaKey }) => NUMERAL.test(key) && !ctrlKey && !altKey && !metaKey && tools.toNumber();
+const isForForm = ({ tools }, event) => isOfNumber(event) && tools.toNumber();
+
+/** @param {KeyboardEvent} event */
+const isOfNumber = ({ key, ctrlKey, altKey, metaKey }) => NUMERAL.test(key) && !ctrlKey && !altKey && !metaKey;
 
 // Yields the names of a key in the tables above.
 /** @param {KeyboardEvent} event */

@@ -231,6 +231,16 @@ export class Tools {
     return true;
   }
 
+  // Keeps a numeral that follows a drawn line from being a shortcut: it may be the line's length, for which this tool
+  // has no field. Returns whether it did.
+  /** @param {string} numeral */
+  keepFromShortcut(numeral) {
+    const { tool, draft, drawsIn } = this.state;
+    if (drawsIn === null || draft.length) return false;
+    this.notice.show(`${numeral} was not used. To enter a taped length, choose ${TOOLS.length.name} (${TOOLS.length.key.toUpperCase()}) and click its ends; for the shortcut ${numeral}, leave ${TOOLS[tool].name} by Esc first.`);
+    return true;
+  }
+
   /** @param {HTMLFormElement} form */
   entered(form) {
     const { entry } = this.state;

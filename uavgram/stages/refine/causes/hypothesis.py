@@ -124,6 +124,8 @@ class Hypothesis:
         Correction of the input; None where there is none.
     remedy
         Correction on request, where it differs from `mend`; None: `mend`.
+    equal
+        Other corrections that lead to as good a fit, where nothing shows which mistake was made.
     is_clear
         Whether no other mistake would explain the same; otherwise it is reported, but not corrected
         on request.
@@ -160,6 +162,7 @@ class Hypothesis:
     message: Callable[[HypothesisTest | None], Message] | None
     mend: SurveyCorrection | None = None
     remedy: SurveyCorrection | None = None
+    equal: tuple[SurveyCorrection, ...] = ()
     is_clear: bool = True
     back: frozenset[int] = frozenset()
     is_of_all: bool = False

@@ -293,7 +293,7 @@ def _add_remedies(
     one, rivals = best.hypothesis, [] if rival is None else [rival.hypothesis]
     if rival is not None and _blames_tapes(rival) and not _blames_tapes(best):
         rivals = []  # never offer to change a right reading
-    mends = [each.remedy or each.mend for each in (one, *rivals)]
+    mends = [each.remedy or each.mend for each in (one, *rivals)] + [*one.equal]
     message = cause.message
     if (
         mends[0] is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -49,6 +49,8 @@ TURNED = {
     "turned by 90 degrees to the left": _Turn(axes=True, columns=True, rows=False),
 }
 """Ways in which the photo was shown when it was picked."""
+EITHER_MIRRORED = {"mirrored": MIRRORED["mirrored"]}
+"""The one way that matters without a log, which would show how the photo was turned besides."""
 
 STRAINED_SIGMAS, MAX_STRAINED = 10.0, 3
 """Residual of a pose against the log, in its sigmas, above which a photo may be rotated; and
@@ -99,23 +101,47 @@ def propose_photos_in_order(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 
 def propose_turned_photos(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose that photos were mirrored or rotated when picked."""
-    survey, camera = diagnosis.survey, diagnosis.survey.calibration
+    survey = diagnosis.survey
     strained = find_photos_against_log(diagnosis)
     promise = dict.fromkeys(find_misplaced_photos(diagnosis).tolist(), 0.0) | strained
     for frame, gain in promise.items():
-        picks = picks_of(diagnosis, frame)
-        for how, turn in (MIRRORED | TURNED).items():
-            pixel = _rotate_back(survey.pixel_px[picks], turn, camera)
-            if not _shows_the_ground(diagnosis, frame, picks, pixel):
+        name, only = survey.frame_id[frame], _find_only_other(diagnosis, frame)
+        for how, turn in (MIRRORED | TURNED if only is None else EITHER_MIRRORED).items():
+            mend = _put_back(diagnosis, frame, turn)
+            if not _shows_the_ground(diagnosis, frame, mend.pixel_of_pick):
                 continue
-            places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
             yield Hypothesis(
-                message=partial(_turned_message, (survey.frame_id[frame],), how),
-                mend=SurveyCorrection(pixel_of_pick=places),
+                message=partial(_turned_message, (name,), how)
+                if only is None
+                else partial(_either_mirrored_message, (survey.frame_id[only], name)),
+                mend=mend,
+                equal=() if only is None else (_put_back(diagnosis, only, turn),),
+                is_clear=only is None,
                 promise=gain,
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
-                settles=frozenset([survey.frame_id[frame]]),
+                settles=frozenset([name]),
             )
+
+
+def _find_only_other(diagnosis: Diagnosis, frame: int) -> int | None:
+    """Return the only other photo, where nothing shows which of the two was mirrored.
+
+    Without a log and known places the survey may as well be its own mirror image, and two photos
+    that contradict each other have no third to decide.
+    """
+    used = diagnosis.adjustment.survey.frame_id
+    if diagnosis.survey.gauge != "plane" or len(used) != 1 or diagnosis.survey.seeds is not None:
+        return None
+    other = diagnosis.survey.frame_id.index(used[0])
+    return None if other == frame else other
+
+
+def _put_back(diagnosis: Diagnosis, frame: int, turn: _Turn) -> SurveyCorrection:
+    """Correct the picks of a photo to their pixels in the original one."""
+    survey, picks = diagnosis.survey, picks_of(diagnosis, frame)
+    pixel = _rotate_back(survey.pixel_px[picks], turn, survey.calibration)
+    places = zip(picks.tolist(), pixel.tolist(), strict=True)
+    return SurveyCorrection(pixel_of_pick={pick: (u, v) for pick, (u, v) in places})
 
 
 def propose_photos_turned_together(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
@@ -132,9 +158,7 @@ def propose_photos_turned_together(diagnosis: Diagnosis) -> Iterator[Hypothesis]
     for how, turn in (TURNED | MIRRORED).items():
         places: dict[int, tuple[float, float]] = {}
         for frame in frames:
-            picks = picks_of(diagnosis, frame)
-            pixel = _rotate_back(survey.pixel_px[picks], turn, survey.calibration)
-            places |= {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+            places |= _put_back(diagnosis, frame, turn).pixel_of_pick
         yield Hypothesis(
             message=partial(_turned_message, names, how),
             mend=SurveyCorrection(pixel_of_pick=places),
@@ -240,16 +264,20 @@ def picks_of(diagnosis: Diagnosis, frame: int) -> Ints:
     return np.flatnonzero((diagnosis.survey.pick_frame == frame) & there)
 
 
-def _shows_the_ground(diagnosis: Diagnosis, frame: int, picks: Ints, pixel: Floats) -> bool:
+def _shows_the_ground(
+    diagnosis: Diagnosis, frame: int, pixel_of_pick: Mapping[int, tuple[float, float]]
+) -> bool:
     """Return whether pixels of a photo fit their labels, from above, and near the log's pose.
 
     Parameters
     ----------
     diagnosis, frame
         The survey under diagnosis; the photo.
-    picks, pixel
-        (n,) its picks, and (n, 2) their assumed pixels.
+    pixel_of_pick
+        Assumed pixels of its picks.
     """
+    picks = np.array([*pixel_of_pick], dtype=np.int64)
+    pixel = np.array([*pixel_of_pick.values()], dtype=np.float64).reshape(-1, 2)
     survey, adjustment = diagnosis.survey, diagnosis.adjustment
     label = labels_of(diagnosis)[survey.pick_label[picks]]
     known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
@@ -298,6 +326,21 @@ def _turned_message(frames: Sequence[str], how: str, _: HypothesisTest | None) -
         )
         if one
         else None,
+    )
+
+
+def _either_mirrored_message(frames: tuple[str, str], _: HypothesisTest | None) -> Message:
+    """Report two photos of which one was mirrored: the one that is used, and the other."""
+    used, other = map(repr, frames)
+    return Message(
+        "warning",
+        "photo-mirrored",
+        f"Of the photos {used} and {other} one was mirrored when it was picked, and nothing shows "
+        "which: writing has to read from left to right. Pick the mirrored one again in the "
+        f"original file, as the camera wrote it. Only the picks of {used} are used: distances and "
+        "areas are right in any case.",
+        frames=frames,
+        plain=f"Of the photos {join_photo_names(frames)} one was mirrored; nothing shows which.",
     )
 
 
