@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -40,6 +39,9 @@ from uavgram.stages.refine.staged_sigmas import DAMPING
 READINGS = ("pixels", "lengths", "known", "control")
 """Groups whose sigmas shrink: readings by people."""
 
+SIZES = ("lengths", "known")
+"""Groups of sizes on the ground, which photos and log predict."""
+
 ROBUST = (*READINGS, "roughness", "matches", "ties", "telemetry", "heights", "tape")
 """Groups whose observations get weights. The scale of a tape represents all of its lengths, and the
 roughness of a point its being on the ground."""
@@ -55,9 +57,6 @@ LEAST_REDUNDANCY = 0.01
 
 MIN_CHECKED_COUNT = 8
 """Least number of checked observations of a kind whose median shows their noise."""
-
-MIN_OWN_SHARE = 0.5
-"""Share of its own noise in the variance of a misfit, from which it shows the noise of its kind."""
 
 MAX_NOISE_FACTOR = 5.0
 """Largest factor by which sigmas of lengths, known things, control and the ground may be too small.
@@ -142,12 +141,12 @@ def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> A
     minimum = minimise_weighted_cost(problem, state, {}, dict.fromkeys(groups, SCHEDULE[0]))
     weight: dict[str, Floats] = {}
     for softness in SCHEDULE[1:]:
-        if softness == 1.0:
-            misfit = _compute_misfits(problem, minimum, weight)
-            squares = {name: each**2 for name, each in misfit.items()}
-        else:
-            squares = compute_squared_misfits(problem, minimum, weight)
-        weight = {name: 1.0 / (1.0 + square / CAUCHY_SIGMAS**2) for name, square in squares.items()}
+        squares = compute_squared_misfits(problem, minimum, weight)
+        noise = _estimate_noise(squares, weight) if softness == 1.0 else dict.fromkeys(squares, 1.0)
+        weight = {
+            name: 1.0 / (1.0 + square / (CAUCHY_SIGMAS * noise[name]) ** 2)
+            for name, square in squares.items()
+        }
         soft = dict.fromkeys(groups, softness)
         minimum = minimise_weighted_cost(problem, minimum.state, weight, soft)
     return decide(problem, minimum, weight)
@@ -319,32 +318,6 @@ def compute_squared_misfits(
         The likelihood, and a weighted adjustment.
     weight
         Its weights, by group; 1 where a group has none.
-    """
-    tests = _test_observations(problem, minimum, weight)
-    return {name: test.square for name, test in tests.items()}
-
-
-class _MisfitTest(NamedTuple):
-    """Tests of the observations of a group.
-
-    Attributes
-    ----------
-    square
-        (n,) squared standardised misfits; 0 where nothing checks the observation.
-    own_share
-        (n,) share of the misfit's variance that grows with the noise of the group: 1 for an
-        observation of full weight, and less where one without weight is predicted less exactly than
-        it is observed.
-    """
-
-    square: Floats
-    own_share: Floats
-
-
-def _test_observations(
-    problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
-) -> dict[str, _MisfitTest]:
-    """Test each observation against the prediction by all others, by group.
 
     Notes
     -----
@@ -373,45 +346,41 @@ def _test_observations(
         # A = (I - Q) / w
         predicted = np.maximum(1.0 - redundancy, 0.0) / own[:, None]
         square = residual**2 / ((redundancy + predicted) * redundancy)
-        foreign = np.max(np.where(is_checked, predicted, 0.0), axis=1) * (1.0 - own)
-        found[name] = _MisfitTest(
-            np.sum(np.where(is_checked, square, 0.0), axis=1), 1.0 / (1.0 + foreign)
-        )
+        found[name] = np.sum(np.where(is_checked, square, 0.0), axis=1)
     of = {"roughness": problem.third.rough, "heights": problem.third.stated}
     for name in found.keys() & of.keys():  # one photo alone shows no height
-        found[name].square[count_photos(problem.survey)[of[name]] < 2] = 0.0
+        found[name][count_photos(problem.survey)[of[name]] < 2] = 0.0
     return found
 
 
 def _compute_misfits(
     problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
 ) -> dict[str, Floats]:
-    """Compute standardised misfits (n,) of all observations, for the noise of their kinds."""
-    tests = _test_observations(problem, minimum, weight)
-    noise = _estimate_noise(tests, weight)
-    return {
-        name: np.sqrt(test.square / (1.0 + test.own_share * (noise[name] ** 2 - 1.0)))
-        for name, test in tests.items()
-    }
+    """Compute standardised misfits (n,) of all observations, in units of their kind's noise."""
+    squares = compute_squared_misfits(problem, minimum, weight)
+    noise = _estimate_noise(squares, weight)
+    return {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
 
 
 def _estimate_noise(
-    tests: Mapping[str, _MisfitTest], weight: Mapping[str, Floats]
+    squares: Mapping[str, Floats], weight: Mapping[str, Floats]
 ) -> dict[str, float]:
     """Estimate the factor by which the sigmas of each kind are too small, at least one.
 
     The factor follows from the median of the squares over that of chi-square, and is large enough
-    that no more than a share of the kind are gross errors. Observations that others predict less
-    exactly than they are themselves show no noise. Most points may be off the ground; therefore
-    only points on it count for the roughness.
+    that no more than a share of the kind are gross errors. Where no size takes part, the misfits
+    are those of predictions by other kinds, and the factor is one. Most points may be off the
+    ground; therefore only points on it count for the roughness.
     """
     factor = {}
-    for name, test in tests.items():
+    for name, square in squares.items():
         is_ground = name == "roughness"
-        counts = (test.square > 0) & (test.own_share > MIN_OWN_SHARE)
+        counts = square > 0
         if is_ground and name in weight:
             counts &= weight[name] > MIN_GROUND_WEIGHT
-        checked = np.sort(test.square[counts])[::-1]
+        elif name in SIZES and name in weight and (weight[name] <= ZERO_WEIGHT).all():
+            counts[:] = False
+        checked = np.sort(square[counts])[::-1]
         large = 1.0
         # Robust variance factor: median of the squares over that of chi-square.
         if len(checked) >= MIN_CHECKED_COUNT:
