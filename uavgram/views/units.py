@@ -235,7 +235,15 @@ def table_unit(units: Units) -> DisplayUnit:
 
 
 def format_fixed(value: float, places: int, *, signed: bool = False) -> str:
-    """Format a number with fixed decimals, a plus sign if `signed`, and no negative zero."""
+    """Format a number with fixed decimals, without a negative zero.
+
+    Parameters
+    ----------
+    value, places
+        The number, and how many decimals it gets.
+    signed
+        Whether positive numbers get a plus sign.
+    """
     text = f"{value:+.{places}f}" if signed else f"{value:.{places}f}"
     return text if float(text) else f"{0:.{places}f}"
 
