@@ -42,7 +42,7 @@ def test_the_first_steps_are_ticked_folded_and_brought_back(
         known = page.get_by_role("radio", name="Taped length")
         expect(known).to_have_attribute(
             "title",
-            "Taped length (L): known: a length that somebody "
+            "Taped length (L): a length that somebody "
             "taped on the ground; type what the tape said, and everything is scaled by it",
         )
         wanted = page.get_by_role("radio", name="Distance")

@@ -58,8 +58,9 @@ def report_stated_mount(
     usual = float(np.median(turns_deg)) / mount.boresight_sigma_deg
     contradicts = chi2.sf(usual**2, 3) < _UNLIKELY
     text = (
-        "The camera is taken to look as `mount` in the project states. The gimbal's own angles "
-        f"({source}), up to {turns_deg.max():.1f} degrees apart, were not used: `auto` takes them."
+        "The camera is taken to look as the angles under `mount` in the project state. The "
+        f"gimbal's own angles ({source}), up to {turns_deg.max():.1f} degrees apart, were not "
+        "used: write `auto` in place of the stated angles to use them."
     )
     if contradicts:
         text = (

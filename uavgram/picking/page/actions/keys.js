@@ -32,7 +32,7 @@ import { snap } from "./snap.js";
 /** @type {Record<ToolName, Tool>} */
 export const TOOLS = {
   pick: { key: "p", name: "Point", prefix: "P", use: "mark", least: 1, what: "marks a place on the ground by a label; the same label in another photo is the same place" },
-  length: { key: "l", name: "Taped length", prefix: "L", use: "known", least: 2, most: 2, what: "known: a length that somebody taped on the ground; type what the tape said, and everything is scaled by it" },
+  length: { key: "l", name: "Taped length", prefix: "L", use: "known", least: 2, most: 2, what: "a length that somebody measured with a tape on the ground; type what the tape read, and everything is scaled by it" },
   distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2, what: "wanted: how far two points are apart, computed from the photos" },
   area: { key: "a", name: "Area", prefix: "A", least: 3, what: "what three or more points enclose, in their order" },
   polyline: { key: "y", name: "Polyline", prefix: "W", least: 2, what: "the way along points, in their order" },
