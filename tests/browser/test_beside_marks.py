@@ -104,6 +104,7 @@ def test_a_length_between_two_ends_beside_each_other_takes_the_number_typed_afte
         page.mouse.click(*beside(page, at))
         expect(question(page)).to_contain_text("P1 is very near")
         page.keyboard.type("3.0")  # too early: neither an answer nor a tool
+        expect(page.locator("#notice")).to_contain_text("was not used: answer the question first")
         page.mouse.click(*to_page(page, *planted.marks_px[1]))  # too early, too
         expect(page.locator("#notice")).to_contain_text("This click marked nothing")
         expect(question(page)).to_be_visible()

@@ -42,8 +42,8 @@ def test_the_first_steps_are_ticked_folded_and_brought_back(
         known = page.get_by_role("radio", name="Taped length")
         expect(known).to_have_attribute(
             "title",
-            "Taped length (L): a length that somebody "
-            "taped on the ground; type what the tape said, and everything is scaled by it",
+            "Taped length (L): a length that somebody measured with a tape on the ground; "
+            "type what the tape read, and everything is scaled by it",
         )
         wanted = page.get_by_role("radio", name="Distance")
         expect(wanted).to_have_attribute("data-use", "wanted")

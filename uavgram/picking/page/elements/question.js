@@ -8,9 +8,10 @@ import { NUMERAL } from "./numbers.js";
 const CANCEL = "Cancel (Esc)";
 
 export class Question {
-  /** @param {(isAnswered: boolean) => void} ended */
-  constructor(ended) {
+  /** @param {(isAnswered: boolean) => void} ended @param {(numeral: string) => void} refused */
+  constructor(ended, refused) {
     this.ended = ended;
+    this.refused = refused;
     /** @type {HTMLElement | null} */
     this.box = null;
     this.counted = true;
@@ -61,7 +62,12 @@ export class Question {
     const buttons = [...this.box.querySelectorAll("button")];
     const button = key === "Escape" ? buttons.at(-1) : buttons.slice(0, -1)[key === "Enter" ? 0 : this.counted ? Number(key) - 1 : -1];
     if (!repeat) button?.click();
-    return Boolean(button) || (!this.counted && NUMERAL.test(key)); // a number typed too early is not passed on
+    const isEarly = !button && NUMERAL.test(key); // a number typed too early is not passed on
+    if (isEarly) {
+      this.insist();
+      this.refused(key);
+    }
+    return Boolean(button) || isEarly;
   }
 
   // Inside the question, Enter presses the focused button, and the arrows go from one to the next.
