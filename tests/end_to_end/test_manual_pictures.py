@@ -33,6 +33,7 @@ def test_every_picture_of_a_page_is_made() -> None:
         Path(link)
         for page in manual_pages()
         for link in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.text)
+        + re.findall(r"^\*Drawing `(\S+)`:", page.text, flags=re.MULTILINE)
     }
 
     assert {path.stem for path in named if path.parent.name == "made"} == DRAWINGS

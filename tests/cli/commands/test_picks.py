@@ -454,7 +454,7 @@ def test_a_tie_in_a_photo_that_is_not_there_is_refused_with_its_line(
     done = command("check", tied_project)
 
     assert done.status == 1
-    assert f"{table}:3: the sighting of tie point 'm1' names the photo 'p7.png'" in done.stderr
+    assert f"p7.png: is not among the project's photos, though {table.name} (line 3)" in done.stderr
 
 
 def test_a_tie_outside_its_photo_is_refused(tied_project: Path, command: Command) -> None:

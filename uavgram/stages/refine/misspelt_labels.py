@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from uavgram.errors import replace_lookalikes
 from uavgram.estimation.measuring.predicted_pixels import predict_pixels
@@ -106,7 +106,7 @@ def _are_at_place(survey: Survey, off_px: Floats, covariance: Floats) -> Bools:
         (n, 2), (n, 2, 2) their distances from it [px].
     """
     square = np.einsum("ni,nij,nj->n", off_px, np.linalg.inv(covariance), off_px)
-    limit = float(chi2.isf(PROBABILITY, 2))
+    limit = float(chdtri(2, PROBABILITY))
     area = np.pi * limit * np.sqrt(np.linalg.det(covariance))
     photo = survey.calibration.width_px * survey.calibration.height_px
     return np.asarray((square < limit) & (area < PROBABILITY * photo))

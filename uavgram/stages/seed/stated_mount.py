@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_ypr
 from uavgram.model.arrays import Floats
@@ -56,7 +56,7 @@ def report_stated_mount(
     """
     turns_deg = np.degrees(np.linalg.norm(log_so3(np.swapaxes(recorded, 1, 2) @ used), axis=1))
     usual = float(np.median(turns_deg)) / mount.boresight_sigma_deg
-    contradicts = chi2.sf(usual**2, 3) < _UNLIKELY
+    contradicts = chdtrc(3, usual**2) < _UNLIKELY
     text = (
         "The camera is taken to look as the angles under `mount` in the project state. The "
         f"gimbal's own angles ({source}), up to {turns_deg.max():.1f} degrees apart, were not "
