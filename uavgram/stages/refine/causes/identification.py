@@ -33,7 +33,7 @@ from uavgram.stages.refine.causes.flight_log import (
     propose_wrong_clock,
 )
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
-from uavgram.stages.refine.causes.length_ends import find_label_exchange_instead, propose_other_ends
+from uavgram.stages.refine.causes.length_ends import propose_other_ends
 from uavgram.stages.refine.causes.length_readings import (
     propose_other_units,
     propose_slips,
@@ -233,14 +233,9 @@ def _list_explanations(
 ) -> tuple[Explanation, ...]:
     """List the corrected surveys of a cause and its rivals, where they were adjusted."""
     judged = [best] if rival is None else [best, rival]
-    mend = best.hypothesis.remedy or best.hypothesis.mend
-    if (
-        mend is not None
-        and (swapped := find_label_exchange_instead(diagnosis.survey, mend)) is not None
-    ):
-        # Exchanged labels move no length: the residuals are those of the cause, and so the odds.
-        exchange = replace(best, hypothesis=Hypothesis(message=None, mend=swapped), found=None)
-        judged.append(replace(try_hypothesis(diagnosis, exchange), odds=best.odds))
+    for mend in best.hypothesis.equal:  # as good a fit, and so the same odds
+        other = replace(best, hypothesis=Hypothesis(message=None, mend=mend), found=None)
+        judged.append(replace(try_hypothesis(diagnosis, other), odds=best.odds))
     return tuple(
         Explanation(one.after.adjustment, one.odds) for one in judged if one.after is not None
     )
@@ -295,12 +290,9 @@ def _add_remedies(
         rivals = []  # never offer to change a right reading
     mends = [each.remedy or each.mend for each in (one, *rivals)] + [*one.equal]
     message = cause.message
-    if (
-        mends[0] is not None
-        and (swapped := find_label_exchange_instead(written, mends[0])) is not None
-    ):
-        mends.append(swapped)
-        message = _mention_swap(message, written, swapped)
+    if one.mend is not None and one.mend.ends:
+        for swapped in one.equal:
+            message = _mention_swap(message, written, swapped)
     if not one.is_clear:
         lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
         mends.append(SurveyCorrection(without_lines=frozenset(lines)))

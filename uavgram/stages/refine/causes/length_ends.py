@@ -64,9 +64,11 @@ def propose_other_ends(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             rivals = [
                 one for one in pairs if one is not pair and one.fall > pair.fall - RIVAL_DECREASE
             ]
+            mend = SurveyCorrection(ends={int(found.line[k]): pair.ends})
             yield Hypothesis(
                 message=partial(_other_ends_message, found, k, pair, rivals),
-                mend=SurveyCorrection(ends={int(found.line[k]): pair.ends}),
+                mend=mend,
+                equal=_list_exchanges_instead(diagnosis.survey, mend),
                 promise=pair.fall,
                 price=price,
                 settles=found.list_names([k]),
@@ -105,6 +107,11 @@ def find_label_exchange_instead(survey: Survey, mend: SurveyCorrection) -> Surve
     right = {int(k): second for k in np.flatnonzero(survey.pick_label == first)}
     right |= {int(k): first for k in np.flatnonzero(survey.pick_label == second)}
     return SurveyCorrection(label_of_pick=right)
+
+
+def _list_exchanges_instead(survey: Survey, mend: SurveyCorrection) -> tuple[SurveyCorrection, ...]:
+    swapped = find_label_exchange_instead(survey, mend)
+    return () if swapped is None else (swapped,)
 
 
 def _ends(found: SuspectLengths, k: int) -> Ends:
@@ -162,10 +169,13 @@ def _propose_exchanged_ends(found: SuspectLengths, i: int, j: int) -> Iterator[H
         price = found.price([i, j], 4.0 * pairs, off)
         if price is None:
             continue
-        ends_of = {int(found.line[i]): Ends(*first), int(found.line[j]): Ends(*second)}
+        mend = SurveyCorrection(
+            ends={int(found.line[i]): Ends(*first), int(found.line[j]): Ends(*second)}
+        )
         yield Hypothesis(
             message=partial(_exchanged_ends_message, found, (i, j), (Ends(*first), Ends(*second))),
-            mend=SurveyCorrection(ends=ends_of),
+            mend=mend,
+            equal=_list_exchanges_instead(found.diagnosis.survey, mend),
             promise=alone - off,
             price=price,
             settles=found.list_names([i, j]),

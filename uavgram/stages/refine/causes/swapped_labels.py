@@ -46,9 +46,12 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     spoilt = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
     labels = len(diagnosis.adjustment.survey.label)
     is_single = len(np.unique(survey.pick_frame[find_usable_picks(diagnosis.taking)])) == 1
-    rank = _rank_by_other_poses if is_single else _rank_by_places
     wrong = _mark_wrong_lengths(diagnosis)
-    for (a, b), promise in rank(diagnosis, np.flatnonzero(wrong)):
+    if is_single:
+        ranked = _rank_by_other_poses(diagnosis)
+    else:
+        ranked = _rank_by_places(diagnosis, np.flatnonzero(wrong))
+    for (a, b), promise in ranked:
         touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
         lines = np.flatnonzero(touched & (wrong | is_single))
         # A single length between wrong labels explains as much if no other ends at either.
@@ -100,7 +103,7 @@ def _rank_by_places(diagnosis: Diagnosis, wrong: Ints) -> list[tuple[tuple[int, 
     ]
 
 
-def _rank_by_other_poses(diagnosis: Diagnosis, _: Ints) -> list[tuple[tuple[int, int], float]]:
+def _rank_by_other_poses(diagnosis: Diagnosis) -> list[tuple[tuple[int, int], float]]:
     """List pairs of labels of the only photo whose exchange lets all lengths fit in some pose.
 
     Lengths between wrong labels distort the pose of a single photo, and so all of its points. Hence

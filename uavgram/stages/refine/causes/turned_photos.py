@@ -330,7 +330,15 @@ def _turned_message(frames: Sequence[str], how: str, _: HypothesisTest | None) -
 
 
 def _either_mirrored_message(frames: tuple[str, str], _: HypothesisTest | None) -> Message:
-    """Report two photos of which one was mirrored: the one that is used, and the other."""
+    """Report that one of two photos was mirrored, where nothing shows which.
+
+    Parameters
+    ----------
+    frames
+        Names of the photo that is used, and of the other one.
+    _
+        Result of the linear test, not used.
+    """
     used, other = map(repr, frames)
     return Message(
         "warning",
