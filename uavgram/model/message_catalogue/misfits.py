@@ -254,7 +254,7 @@ FOUND_CAUSES = (
             "refer to the wrong one."
         ),
         action="Swap the names in picks.csv, or in the table that names them.",
-        effect=Effect.RED,
+        effect=Effect.DOUBTFUL,
         order=Order.CAUSE_OF_ALL,
         one="{labels} seem swapped in all photos.",
         several="Labels seem swapped in all photos: {labels}.",

@@ -25,6 +25,7 @@ from uavgram.stages.refine.causes.identification import (
     identify_causes,
     identify_common_errors,
 )
+from uavgram.stages.refine.causes.turned_photos import propose_photos_elsewhere
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.gross_errors import Robust, adjust_robustly
@@ -86,10 +87,9 @@ def adjust_at_stated_noise(
     # Robust adjustment, then causes of the gross errors.
     taking = Participants(given, keep, none, reason)
     robust = adjust_robustly(taking)
-    survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
-    left_out = list(robust.messages(given))
-    survey, refined, unseen = free_unchecked_heights(survey, refined, [*off_ground, *shown])
-    refined = replace(refined, pick_removed=removed)
+    survey, refined, unseen = free_unchecked_heights(
+        robust.survey, robust.refined, [*robust.labels, *shown]
+    )
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
     # Take errors common to all readings instead, where they explain more than these causes.
     common = _find_common_errors(taking, robust, found)
@@ -97,13 +97,20 @@ def adjust_at_stated_noise(
         found = common
         if _are_all_left_out(given, robust, found):
             found = found._replace(freed=(None,) * len(found.causes))
-    causes = found.causes
-    if found.right:
-        # A height that was found from a wrong pick is removed together with it.
-        wrong = {survey.label[survey.pick_label[k]] for k in found.wrong}
-        before, off_ground = off_ground, [name for name in off_ground if name not in wrong]
-        survey = set_free_heights(survey, off_ground, before)
-        refined = replace(_exchange_wrong_picks(survey, refined, found), pick_removed=removed)
+    # Without the picks that the causes prove wrong, others may fit that were left out.
+    sound = _leave_out_wrong_picks(taking, refined, found)
+    again = None if sound is taking else _adjust_again(sound)
+    if again is not None:
+        taking, robust = sound, again
+        survey, refined, unseen = free_unchecked_heights(
+            robust.survey, robust.refined, [*robust.labels, *shown]
+        )
+    elsewhere = propose_photos_elsewhere(
+        Diagnosis(find_participants(survey, refined), refined), found.causes
+    )
+    causes = (*found.causes, *elsewhere)
+    off_ground, left_out = list(robust.labels), list(robust.messages(given))
+    refined = replace(refined, pick_removed=removed)
     if up := find_freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
         survey = set_free_heights(survey, off_ground, before)
@@ -113,9 +120,9 @@ def adjust_at_stated_noise(
     # Free the priors that the causes prove wrong; without a result, the one so far remains.
     if options.noise == "estimate" and any(found.freed):
         known_less, accounted = _free_wrong_priors(given if common else survey, found)
-        again = _adjust_again(known_less, keep, reason)
+        again = _adjust_again(replace(taking, survey=known_less))
         if again is not None:
-            survey, refined, causes = again.survey, again.refined, accounted
+            survey, refined, causes = again.survey, again.refined, (*accounted, *elsewhere)
             if common:  # what seemed to be gross errors may be none
                 off_ground, left_out = [], []
                 survey, refined, unseen = free_unchecked_heights(
@@ -127,7 +134,7 @@ def adjust_at_stated_noise(
     # A cause that makes the verdict red forbids the use of the values, whatever their sigmas.
     explanations = tuple(
         explained
-        for cause, explained in zip(causes, found.explanations, strict=True)
+        for cause, explained in zip(causes, found.explanations, strict=False)
         if not cause.is_accounted and entry_of(cause.message.code).effect is not Effect.RED
     )
     return StatedNoiseAdjustment(
@@ -210,21 +217,23 @@ WRONG_LABEL = LeftOut(LeftOutCause.GROSS, "it fits under another label of its ph
 """Reason why picks of a photo are wrong: all of them (`TURNED`), or some."""
 
 
-def _exchange_wrong_picks(survey: Survey, refined: Refined, found: IdentifiedCauses) -> Refined:
-    """Readjust without wrong picks, and with those that were left out because of them."""
-    taking = find_participants(survey, refined)
-    keep = taking.keep.copy()
-    keep[list(found.right)] = True
-    reason = {k: why for k, why in taking.reason.items() if k not in found.right}
-    # The poses of these photos by the log may have been left out because of the wrong picks.
-    frames = {survey.frame_id[k] for k in survey.pick_frame[[*found.right, *found.wrong]]}
-    poses = {name: one for name, one in taking.pose_widened.items() if name not in frames}
-    other = replace(taking, keep=keep, reason=reason, pose_widened=poses)
-    try:
-        after = find_best_minima(other.leave_out_picks(_reasons(survey, sorted(found.wrong))))
-    except GeometryError:
-        return refined
-    return after if after.adjustment.minimum.converged else refined
+def _leave_out_wrong_picks(
+    taking: Participants, refined: Refined, found: IdentifiedCauses
+) -> Participants:
+    """Leave out the picks that causes prove wrong, unless this changes nothing.
+
+    Parameters
+    ----------
+    taking
+        All participating observations.
+    refined, found
+        Their adjustment, and the causes of its misfits.
+    """
+    spoilt = np.flatnonzero(Diagnosis(taking, refined).spoilt).tolist()
+    others = int(refined.line_removed.sum()) + len(refined.pose_widened)
+    if not found.wrong or (found.wrong == frozenset(spoilt) and not others):
+        return taking
+    return taking.leave_out_picks(_reasons(taking.survey, sorted(found.wrong)))
 
 
 def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:
@@ -253,19 +262,10 @@ def _free_wrong_priors(survey: Survey, found: IdentifiedCauses) -> tuple[Survey,
     return known_less, tuple(causes)
 
 
-def _adjust_again(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Robust | None:
-    """Adjust robustly once more; None where that has no result.
-
-    Parameters
-    ----------
-    survey
-        The survey with less prior knowledge.
-    keep, reason
-        (P,) picks that may take part, and the reasons why others do not.
-    """
-    none = np.zeros(len(survey.line_start), dtype=np.bool_)
+def _adjust_again(taking: Participants) -> Robust | None:
+    """Adjust robustly once more; None where that has no result."""
     try:
-        after = adjust_robustly(Participants(survey, keep, none, reason))
+        after = adjust_robustly(taking)
     except GeometryError:
         return None
     return after if after.refined.adjustment.minimum.converged else None

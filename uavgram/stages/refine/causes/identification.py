@@ -57,7 +57,6 @@ from uavgram.stages.refine.causes.trials import (
     try_hypothesis,
 )
 from uavgram.stages.refine.causes.turned_photos import (
-    propose_photos_elsewhere,
     propose_photos_in_disorder,
     propose_photos_in_order,
     propose_photos_turned_together,
@@ -141,8 +140,8 @@ class IdentifiedCauses(NamedTuple):
     explanations
         For each cause, the corrected survey adjusted, and likewise for its rival; none where that
         was not tried.
-    wrong, right
-        Picks that take part and are wrong, and those that were left out because of them.
+    wrong
+        Picks that the causes prove wrong.
     cost
         Cost of the corrected survey, with the prices of the causes.
     fits
@@ -155,7 +154,6 @@ class IdentifiedCauses(NamedTuple):
     freed: tuple[Callable[[Survey], Survey] | None, ...]
     explanations: tuple[tuple[Explanation, ...], ...]
     wrong: frozenset[int] = frozenset()
-    right: frozenset[int] = frozenset()
     cost: float = np.inf
     fits: bool = False
     left_out: int = 0
@@ -180,13 +178,7 @@ def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
     diagnosis
         The survey as it is adjusted at the stated noise.
     """
-    found = _identify_in_turn(diagnosis)
-    rest = propose_photos_elsewhere(diagnosis, found.causes, found.right)
-    return found._replace(
-        causes=(*found.causes, *rest),
-        freed=(*found.freed, *(None for _ in rest)),
-        explanations=(*found.explanations, *(() for _ in rest)),
-    )
+    return _identify_in_turn(diagnosis)
 
 
 def _identify_in_turn(
@@ -196,7 +188,7 @@ def _identify_in_turn(
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     explanations: list[tuple[Explanation, ...]] = []
-    wrong, right = frozenset[int](), frozenset[int]()
+    wrong = frozenset[int]()
     stated, price = diagnosis, 0.0
     for _ in range(most):
         is_asked = needs_cause(diagnosis) or _are_taped_level(diagnosis)
@@ -209,9 +201,7 @@ def _identify_in_turn(
             causes.append(_add_remedies(_cause(best, rival), best, rival, stated.survey))
             freed.append(_choose_release(best, rival))
             explanations.append(_list_explanations(diagnosis, best, rival))
-        if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
-            wrong |= best.hypothesis.mend.picks
-            right |= best.hypothesis.back
+            wrong |= _list_wrong_picks(best, rival)
         if best.after is None:
             break
         diagnosis = best.after
@@ -221,7 +211,6 @@ def _identify_in_turn(
         tuple(freed),
         tuple(explanations),
         wrong,
-        right,
         cost=cost,
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
@@ -233,12 +222,20 @@ def _list_explanations(
 ) -> tuple[Explanation, ...]:
     """List the corrected surveys of a cause and its rivals, where they were adjusted."""
     judged = [best] if rival is None else [best, rival]
-    for mend in best.hypothesis.equal:  # as good a fit, and so the same odds
+    for mend in best.hypothesis.equal:
         other = replace(best, hypothesis=Hypothesis(message=None, mend=mend), found=None)
-        judged.append(replace(try_hypothesis(diagnosis, other), odds=best.odds))
-    return tuple(
-        Explanation(one.after.adjustment, one.odds) for one in judged if one.after is not None
-    )
+        judged.append(try_hypothesis(diagnosis, other))
+    # A rival is reported as just as likely, and an equal correction fits as well.
+    odds = max(best.odds, rival.odds if rival else -np.inf)
+    return tuple(Explanation(one.after.adjustment, odds) for one in judged if one.after is not None)
+
+
+def _list_wrong_picks(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> frozenset[int]:
+    """List the picks that a cause proves wrong: none where another cause explains as much."""
+    one = best.hypothesis
+    if best.after is None or one.mend is None or rival or one.equal or not one.is_clear:
+        return frozenset()
+    return one.mend.picks | one.mend.without_picks
 
 
 def _choose_release(

@@ -211,9 +211,7 @@ def _complete(diagnosis: Diagnosis, picks: Ints, label: Ints) -> Ints:
     return completed
 
 
-def propose_photos_elsewhere(
-    diagnosis: Diagnosis, causes: Sequence[Cause], right: frozenset[int]
-) -> tuple[Cause, ...]:
+def propose_photos_elsewhere(diagnosis: Diagnosis, causes: Sequence[Cause]) -> tuple[Cause, ...]:
     """Report left-out photos without another cause: they show another place.
 
     Parameters
@@ -222,12 +220,9 @@ def propose_photos_elsewhere(
         The survey as it was adjusted.
     causes
         Causes that were found.
-    right
-        Picks that fit after all.
     """
     survey, found = diagnosis.survey, []
     settled = {name for cause in causes for name in cause.settles}
-    settled |= {survey.frame_id[survey.pick_frame[pick]] for pick in right}
     for frame in find_misplaced_photos(diagnosis).tolist():
         name = survey.frame_id[frame]
         if name in settled:
