@@ -15,7 +15,10 @@ from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes
-from uavgram.stages.refine.causes.turned_photos import propose_turned_photos
+from uavgram.stages.refine.causes.turned_photos import (
+    propose_photos_elsewhere,
+    propose_turned_photos,
+)
 from uavgram.stages.refine.gross_errors import MISPLACED
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
@@ -32,7 +35,9 @@ def without_the_photo(survey: Survey) -> Diagnosis:
 
 
 def cause_of(survey: Survey) -> Cause:
-    (cause,) = identify_causes(without_the_photo(survey)).causes
+    diagnosis = without_the_photo(survey)
+    found = identify_causes(diagnosis).causes
+    (cause,) = (*found, *propose_photos_elsewhere(diagnosis, found))
     assert cause.message.frames == ("f2",)
     assert cause.settles == {"f2"}
     return cause
