@@ -574,7 +574,7 @@ class SupersededError(OutputError):
     """Another process measures the same survey, or did meanwhile: this one writes no results."""
 
     def __init__(self, folder: Path | str) -> None:
-        super().__init__(folder)
+        super().__init__(str(folder))
         self.folder = folder
 
     def __str__(self) -> str:
