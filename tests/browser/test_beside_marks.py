@@ -128,6 +128,38 @@ def test_a_length_between_two_ends_beside_each_other_takes_the_number_typed_afte
         assert not open_page.errors
 
 
+def test_a_line_without_a_reading_is_a_distance_and_a_typed_reading_is_written_without_enter(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    written: list[str] = []
+
+    def read_tables(project: Path) -> None:
+        written.append((project.parent / "lines.csv").read_text(encoding="utf-8"))
+
+    with served(planted.path, run=read_tables) as server:
+        page = open_page(server)
+        page.keyboard.press("l")
+        for at in planted.marks_px[:3]:
+            page.mouse.click(*to_page(page, *at))
+        eventually(page, lambda: len(server.picking.state.requests) == 1)  # by the third click
+        (wanted,) = server.picking.state.requests
+        assert (wanted.kind, wanted.points) == ("distance", ("P1", "P2"))
+        notice = page.locator("#notice")
+        expect(notice).to_contain_text("No reading was typed: D1, the distance P1 – P2")
+        page.mouse.click(*to_page(page, *planted.marks_px[3]))
+        page.keyboard.press("Enter")  # of an empty form, too
+        expect(notice).to_contain_text("D2, the distance P3 – P4")
+        eventually(page, lambda: len(server.picking.state.requests) == 2)
+        notice.get_by_role("button", name="It was taped: enter the reading").click()
+        expect(page.get_by_role("form", name="New length P3 to P4")).to_be_visible()
+        eventually(page, lambda: len(server.picking.state.requests) == 1)
+        page.keyboard.type("12.34")
+        page.locator("button[name=export]").click()
+        eventually(page, lambda: bool(written))
+        assert "12.34" in written[0]  # the last reading is in what was written
+        assert [one.name for one in server.picking.state.requests] == ["D1"]
+
+
 @both_windows
 def test_a_click_beside_a_hollow_mark_does_not_accept_it(
     tmp_path: Path, open_page: PageOpener, window: tuple[int, int]

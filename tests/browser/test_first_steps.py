@@ -43,7 +43,8 @@ def test_the_first_steps_are_ticked_folded_and_brought_back(
         expect(known).to_have_attribute(
             "title",
             "Taped length (L): a length that somebody measured with a tape on the ground; "
-            "type what the tape read, and everything is scaled by it",
+            "type what the tape read, and everything is scaled by it; without a reading it is a "
+            "wanted distance",
         )
         wanted = page.get_by_role("radio", name="Distance")
         expect(wanted).to_have_attribute("data-use", "wanted")

@@ -310,6 +310,10 @@ def name_newer(path: Path) -> Path:
     return path.with_name(f"{path.stem}.newer{path.suffix}")
 
 
+ELSEWHERE_ON_PAGE = "copy the photos to a folder in which you may write, and open that"
+"""Action on the page, where nobody names a folder for results."""
+
+
 @contextmanager
 def convert_output_errors(folder: Path, option: str = "--output") -> Iterator[None]:
     """Convert failures to write below `folder` to errors that name the option for another one."""
@@ -319,21 +323,25 @@ def convert_output_errors(folder: Path, option: str = "--output") -> Iterator[No
     except OSError as fault:
         name = os.fspath(fault.filename) if fault.filename is not None else ""
         is_ours = isinstance(name, str) and Path(name).is_relative_to(folder)
+        elsewhere, there = f"choose another folder with {option}", ELSEWHERE_ON_PAGE
         if fault.errno in _FULL:
-            why = f"the disk is full; free some space, or choose another folder with {option}"
+            why = "the disk is full"
+            elsewhere, there = f"free some space, or {elsewhere}", "free some space, and try again"
         elif is_ours and sys.platform == "win32" and len(name) > _MOST_LETTERS:
             why = (
-                f"a path of {len(name)} letters is too long for Windows as it is set here; choose "
-                f"a folder with a shorter path with {option} ({name})"
+                f"a path of {len(name)} letters is too long for Windows as it is set here ({name})"
             )
+            elsewhere = f"choose a folder with a shorter path with {option}"
+            there = "copy the photos to a folder with a shorter path, and open that"
         elif is_ours and isinstance(fault, PermissionError) and fault.filename2 is not None:
-            why = f"{fault.filename2} may not be replaced; if another program has it open, close it"
+            why = f"{fault.filename2} may not be replaced"
+            elsewhere = there = "if another program has it open, close it"
         elif is_ours or name in {str(parent) for parent in folder.parents}:
-            why = f"{fault.strerror} ({name}); choose another folder with {option}"
+            why = f"{fault.strerror} ({name})"
         else:
             raise
         raise OutputError(
-            f"{folder}: cannot write results, earlier ones are untouched; {why}"
+            f"{folder}: cannot write results, earlier ones are untouched; {why}", elsewhere, there
         ) from fault
 
 
@@ -382,8 +390,9 @@ def _keep_apart(photo_folders: Set[Path], folder: Path) -> None:
     """Refuse to write among the photos: the next run might take a result for one of them."""
     if folder.resolve() in photo_folders:
         raise OutputError(
-            f"{folder}: holds the photos themselves, and nothing is written among them; choose "
-            "another folder with --output (or `output` in the project)"
+            f"{folder}: holds the photos themselves, and nothing is written among them",
+            "choose another folder with --output (or `output` in the project)",
+            "move the photos to a folder of another name, and open that",
         )
 
 
@@ -397,9 +406,10 @@ def _check_targets(
         real = target.resolve()
         if path.is_file() and real in kept:
             raise OutputError(
-                f"{real}: is an input, and a result has the same name; nothing was written: "
+                f"{real}: is an input, and a result has the same name; nothing was written",
                 "choose another folder with --output (or `output` in the project), or rename the "
-                "input"
+                "input",
+                "rename the input",
             )
         if path.is_dir():
             _keep_apart(photo_folders, target)
@@ -543,14 +553,17 @@ def _refuse_names(folder: Path) -> None:
     written = write_out(folder)
     if written != str(folder):
         raise OutputError(
-            f"{written}: a name in this path is no text, so results cannot be written there; "
-            "rename the folder, or choose another one with --output"
+            f"{written}: a name in this path is no text, so results cannot be written there",
+            "rename the folder, or choose another one with --output",
+            "rename the folder",
         )
     for part in folder.parts if sys.platform == "win32" else ():
         if part.partition(".")[0].rstrip().upper() in _DEVICES:
             raise OutputError(
                 f"{folder}: Windows keeps the name {part} for a device, so nothing can be written "
-                "there; choose another folder with --output"
+                "there",
+                "choose another folder with --output",
+                "rename the folder",
             )
 
 
@@ -561,7 +574,7 @@ class SupersededError(OutputError):
     """Another process measures the same survey, or did meanwhile: this one writes no results."""
 
     def __init__(self, folder: Path | str) -> None:
-        super().__init__(folder)
+        super().__init__(str(folder))
         self.folder = folder
 
     def __str__(self) -> str:

@@ -230,6 +230,7 @@ def test_a_pattern_without_files_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="matches no file") as caught:
         read_photos((pattern,), TimeOptions())
     assert caught.value.path == pattern
+    assert "if the photos were moved or renamed, put them back" in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from pick_pages import Entry, Page, browser_of, entry_of, small_project
 from picking_server import Served, served
 
-from uavgram.errors import OutputError
+from uavgram.io.outputs import convert_output_errors
 from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser
 from uavgram.picking.session.project import OpenProject
 
@@ -185,14 +186,16 @@ def test_a_full_disk_is_said_and_leaves_nothing(
     browser: httpx.Client, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(path: Path, _: str) -> None:
-        raise OutputError(f"{path}: the disk is full; free some space")
+        with convert_output_errors(path.parent):
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
     number = numbers(browser)["first"]
     before = sorted((home / "first").rglob("*"))
     browser.get("/door/look", params={"folder": number})
     monkeypatch.setattr("uavgram.pipeline.setup.replace_text", full)
     answer = browser.post("/door/begin", json=wanted(number, setup={"pitch_deg": -45}))
-    assert (answer.status_code, "the disk is full" in answer.json()["why"]) == (409, True)
+    assert answer.status_code == 409
+    assert answer.json()["why"].endswith("the disk is full; free some space, and try again")
     assert sorted((home / "first").rglob("*")) == before
 
 

@@ -44,6 +44,10 @@ MAX_NAMED = 10
 """Number of unusable photos that an error names."""
 
 
+GONE = "if the photos were moved or renamed, put them back; else correct `images` in the project"
+"""Remedy where the project finds none of its photos."""
+
+
 class UnusablePhotosError(InputError):
     """Photos of a project that are missing, damaged, empty, or no photos.
 
@@ -259,7 +263,7 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
     wanted = [pattern for pattern in patterns if Path(pattern).name not in own_names]
     there = [pattern for pattern in wanted if glob.has_magic(pattern) or os.path.lexists(pattern)]
     for pattern in there or wanted:
-        files = find_matching_files(pattern, "correct `images` in the project")
+        files = find_matching_files(pattern, GONE)
         for path in files:
             if path.name in left_out:
                 continue

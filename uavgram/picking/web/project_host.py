@@ -154,7 +154,7 @@ class ProjectHost:
         try:
             jpeg = await to_thread.run_sync(self.door.picture, folder, group)
         except UavgramError as why:
-            return JSONResponse({"why": str(why)}, 404)
+            return JSONResponse({"why": why.on_page}, 404)
         return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})
 
     async def _begin(self, request: Request) -> Response:
@@ -231,4 +231,4 @@ async def _tab(page: WebSocket) -> None:
 
 def _refuse(why: UavgramError) -> Response:
     log.info("refused: %s", why)
-    return JSONResponse({"why": str(why)}, CANNOT)
+    return JSONResponse({"why": why.on_page}, CANNOT)

@@ -127,7 +127,7 @@ class Files:
         try:
             tones = await to_thread.run_sync(make, photo)
         except UavgramError as why:
-            return JSONResponse({"why": str(why)}, 404)
+            return JSONResponse({"why": why.on_page}, 404)
         if tones is None:
             return Response(status_code=404)
         first, stretched = map(asdict, tones)
@@ -145,7 +145,7 @@ class Files:
         try:
             jpeg = await to_thread.run_sync(make, *place)
         except UavgramError as why:
-            return JSONResponse({"why": str(why)}, 404)
+            return JSONResponse({"why": why.on_page}, 404)
         if jpeg is None:
             return Response(status_code=404)
         keep = "private, max-age=86400" if is_kept else "no-store"
@@ -182,7 +182,7 @@ class Files:
         try:
             address = await to_thread.run_sync(self._project.outputs.viewer)
         except UavgramError as why:
-            return PlainTextResponse(str(why), 404)
+            return PlainTextResponse(why.on_page, 404)
         return RedirectResponse(address, 303)
 
     async def calibration(self, _: Request) -> Response:

@@ -175,7 +175,7 @@ class PickServer:
             changed = self.picking.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not available
             log.info("refused: %s", why)
-            return {"t": "refused", "seq": message.seq, "why": str(why)}
+            return {"t": "refused", "seq": message.seq, "why": why.on_page}
         except Exception:
             if not isinstance(message.body, c.ProjectAction):
                 raise  # the page reconnects, and reads the state that is there

@@ -20,7 +20,7 @@ export class Clicks {
     const { names, notice, question, rebuild, state } = this.tools;
     if (this.tools.again.takes(pane, u, v)) return;
     if (this.waits()) return;
-    this.tools.leave();
+    this.tools.leave(true);
     const { image } = pane;
     const near = marksNear(pane, u, v, names.coming);
     const on = markOn(near);

@@ -32,7 +32,7 @@ import { snap } from "./snap.js";
 /** @type {Record<ToolName, Tool>} */
 export const TOOLS = {
   pick: { key: "p", name: "Point", prefix: "P", use: "mark", least: 1, what: "marks a place on the ground by a label; the same label in another photo is the same place" },
-  length: { key: "l", name: "Taped length", prefix: "L", use: "known", least: 2, most: 2, what: "a length that somebody measured with a tape on the ground; type what the tape read, and everything is scaled by it" },
+  length: { key: "l", name: "Taped length", prefix: "L", use: "known", least: 2, most: 2, what: "a length that somebody measured with a tape on the ground; type what the tape read, and everything is scaled by it; without a reading it is a wanted distance" },
   distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2, what: "wanted: how far two points are apart, computed from the photos" },
   area: { key: "a", name: "Area", prefix: "A", least: 3, what: "what three or more points enclose, in their order" },
   polyline: { key: "y", name: "Polyline", prefix: "W", least: 2, what: "the way along points, in their order" },
@@ -113,7 +113,7 @@ function closesHelp({ key }) {
 function isTyped({ key, target }) {
   if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
   if (document.querySelector(key === "Escape" ? "dialog[open], :popover-open" : "dialog[open]")) return true; // Escape closes a popover
-  if (key === "F6") return false;
+  if (key === "F6" || turnsPhotos(key, target)) return false;
   if ((ARROWS[key] || PAGES.includes(key)) && target.closest("#panel, [role=radiogroup], #strip")) return true;
   const isField = target.matches("input, select, textarea");
   if (isField && key === "Escape") {
@@ -122,6 +122,10 @@ function isTyped({ key, target }) {
   }
   return isField || (target.matches("button, a, summary") && ["Enter", " "].includes(key));
 }
+
+// A field for a number has no pages: these keys turn the photos there, too.
+/** @param {string} key @param {Element} target */
+const turnsPhotos = (key, target) => ["PageUp", "PageDown"].includes(key) && target.matches("form.entry input");
 
 // A number typed while a form waits for one belongs to it, regardless of the focus: the key is passed to the field.
 /** @param {Acted} acted @param {KeyboardEvent} event */

@@ -61,12 +61,12 @@ export class LabelsByPlace {
     this.last = label;
   }
 
-  // Returns the points of other photos that are missing in a photo, in the order that begins after one of them.
+  // Returns the points of other photos that are missing in a photo, and were not found there, in the order that begins after one of them.
   /** @param {number} image @param {string} before */
   missing(image, before) {
     const all = [...new Set([...labels(), ...this.coming.map(({ label }) => label)])];
     const from = all.indexOf(before) + 1;
-    return this.orders.get(image) === "new" ? [] : [...all.slice(from), ...all.slice(0, from)].filter((label) => !this.taken(image, label));
+    return this.orders.get(image) === "new" ? [] : [...all.slice(from), ...all.slice(0, from)].filter((label) => !this.taken(image, label) && !proposalAt(image, label));
   }
 
   // Returns the point that comes next in a photo: the first that is missing and may be seen there, else a new one.

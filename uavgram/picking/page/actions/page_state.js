@@ -10,7 +10,8 @@
 
 /**
  * A length or measurement whose form is open; `was`: its name, if it exists already.
- * @typedef {{ t: "line", name: string, start: string, end: string, sigma_m: number, length_m?: number, adjust?: boolean, was?: string } | Measurement & { t: "measure", was?: string }} Entry
+ * @typedef {{ t: "line", name: string, start: string, end: string, sigma_m: number, length_m?: number, adjust?: boolean, was?: string }} NewLine
+ * @typedef {NewLine | Measurement & { t: "measure", was?: string }} Entry
  */
 
 /**

@@ -9,11 +9,12 @@ import { boardText } from "../panel/camera.js";
 /** @import { PageState } from "./page_state.js" */
 
 export class ProjectActions {
-  /** @param {{ state: PageState, link: Link, notice: Notice, showPanel: () => void, written: () => void }} needs */
-  constructor({ state, link, notice, showPanel, written }) {
+  /** @param {{ state: PageState, link: Link, notice: Notice, settle: () => boolean, showPanel: () => void, written: () => void }} needs settle: takes the open form, as the next click does */
+  constructor({ state, link, notice, settle, showPanel, written }) {
     this.state = state;
     this.link = link;
     this.notice = notice;
+    this.settle = settle;
     this.showPanel = showPanel;
     this.written = written;
   }
@@ -32,9 +33,10 @@ export class ProjectActions {
   }
 
   async exportAll() {
-    if (this.state.exporting) return;
+    if (this.state.exporting || !this.settle()) return;
     this.state.exporting = true;
     this.showPanel();
+    await this.link.confirmed();
     const answer = await this.ask({ t: "export" });
     this.state.exporting = false;
     if (answer?.outputs) this.written();
@@ -44,6 +46,8 @@ export class ProjectActions {
   // Saves and closes the project: the start page opens, to choose a folder or to set up this one.
   /** @param {"" | "setup"} to */
   async leave(to) {
+    if (!this.settle()) return;
+    await this.link.confirmed();
     try {
       await send(`/door/close?to=${to}`, {});
       goOn();

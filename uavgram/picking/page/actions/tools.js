@@ -3,7 +3,7 @@
 import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
 import { Question } from "../elements/question.js";
-import { entryMessage, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
+import { distanceMessage, entryMessage, formToTake, isUnread, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
 import { Again } from "./repeated_clicks.js";
@@ -16,13 +16,13 @@ import { LabelsByPlace } from "./labels_by_place.js";
 import { Offers } from "./undo_notice.js";
 import { showTool } from "./tool_menu.js";
 
-/** @import { Change, Kind, Line, Measurement } from "../connection/protocol.js" */
+/** @import { Change, Kind, Line, Measurement, SetLine, SetMeasurement } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/socket.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Panes } from "../photos/panes.js" */
 /** @import { ToolName } from "./keys.js" */
-/** @import { Entry, PageState } from "./page_state.js" */
+/** @import { Entry, NewLine, PageState } from "./page_state.js" */
 
 const ASKED = ["skid_speed", "speed", "volume"]; // kinds that need parameters besides their points
 
@@ -91,11 +91,11 @@ export class Tools {
   }
 
   // Ends a tool that was used in another photo than the present one, where clicks pick points first. Points of one
-  // drawing may be in several photos.
-  leave() {
+  // drawing may be in several photos. An empty form stays while a person looks at other photos, until a click there.
+  leave(clicks = false) {
     const { panes: { active }, state: { drawsIn, draft, entry } } = this;
     const isElsewhere = active && drawsIn !== null && drawsIn !== active.image;
-    if (isElsewhere && !draft.length && (!entry || typedForm())) this.setTool("pick");
+    if (isElsewhere && !draft.length && (!entry || clicks || typedForm())) this.setTool("pick");
   }
 
   /** @param {string} label @param {boolean} isLeft */
@@ -149,7 +149,7 @@ export class Tools {
   /** @param {string} label */
   clickedMark(label) {
     this.question.cancel();
-    this.leave();
+    this.leave(true);
     const draws = this.state.tool !== "pick"; // then it is a point of a drawing, not the next one to be placed
     this.select(label, draws);
     if (draws) this.extend(label);
@@ -183,9 +183,9 @@ export class Tools {
     else this.rebuild();
   }
 
-  // Takes the number of an open form, as Enter does; returns false if it has a fault, which is shown.
+  // Takes the open form, as Enter does; returns false if it has a fault, which is shown.
   settleEntry() {
-    const form = this.state.entry && typedForm();
+    const form = this.state.entry && formToTake(this.state.entry);
     if (form) this.entered(form);
     return !form || !this.state.entry;
   }
@@ -245,7 +245,8 @@ export class Tools {
   entered(form) {
     const { entry } = this.state;
     if (!entry) return;
-    const { message, why, field } = entryMessage(entry, new FormData(form), this.namesOf(entry.t));
+    const isWanted = isUnread(entry);
+    const { message, why, field } = isWanted ? distanceMessage(entry, freeName(TOOLS.distance.prefix, new Set(this.namesOf("measure")))) : entryMessage(entry, new FormData(form), this.namesOf(entry.t));
     if (!message) {
       showFault(form, why, field);
       return;
@@ -253,9 +254,16 @@ export class Tools {
     if (message.t === "line") this.state.lastSigmaM = message.sigma_m;
     this.send(message);
     this.state.entry = null;
+    if (isWanted) this.tellWanted(message, entry);
     this.leave();
     this.rebuild();
     this.panes.active?.focus();
+  }
+
+  /** @param {SetLine | SetMeasurement} made @param {NewLine} entry */
+  tellWanted(made, { start, end }) {
+    const act = () => { this.send({ t: "undo" }); this.askLength(start, end); this.rebuild(); };
+    this.offers.show(`No reading was typed: ${made.name}, the distance ${start} \u2013 ${end}, is computed from the photos.`, made, { words: "It was taped: enter the reading", act });
   }
 
   // Opens the form of an existing length or measurement.

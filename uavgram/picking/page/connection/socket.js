@@ -19,6 +19,8 @@ export class Link {
     this.steps = Date.now(); // makes step numbers of several pages differ
     /** @type {Map<number, { yes: (answer: ServerMessage) => void, no: (fault: Error) => void }>} */
     this.asked = new Map();
+    /** @type {((_: null) => void)[]} */
+    this.waiters = []; // for the answers to all changes
     this.wasOpen = false;
     this.socket = this.open();
   }
@@ -40,6 +42,7 @@ export class Link {
       this.under = null;
       for (const { no } of this.asked.values()) no(new Error("the connection is gone"));
       this.asked.clear();
+      this.wake();
       setTimeout(() => { this.socket = this.open(); }, AGAIN_AFTER_MS);
     };
     return socket;
@@ -48,6 +51,10 @@ export class Link {
   // Reconnects and reloads the state, as the page has changes unknown to the server.
   reopen() {
     this.socket.close();
+  }
+
+  wake() {
+    for (const then of this.waiters.splice(0)) then(null);
   }
 
   newStep() {
@@ -87,6 +94,11 @@ export class Link {
     this.socket.send(JSON.stringify({ ...change, seq: this.under.seq }));
   }
 
+  // Waits until the server has answered all changes, or can no longer do so: a question would overtake them.
+  async confirmed() {
+    while (this.unconfirmed.length && this.socket.readyState === WebSocket.OPEN) await new Promise((then) => this.waiters.push(then));
+  }
+
   // Changes that the server has not confirmed yet.
   get unconfirmed() {
     return this.under ? [this.under.change, ...this.waiting] : this.waiting;
@@ -106,5 +118,6 @@ export class Link {
     if (answered) this.under = null;
     this.onMessage(message, answered);
     this.next();
+    this.wake();
   }
 }

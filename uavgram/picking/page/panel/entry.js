@@ -6,7 +6,7 @@ import { drop, keep } from "../elements/table.js";
 import { fieldText, fieldUnit, parseLength, understood } from "../elements/units.js";
 import { placeText, speedFacts } from "./speed.js";
 
-/** @import { Entry } from "../actions/page_state.js" */
+/** @import { Entry, NewLine } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Measurement, SetLine, SetMeasurement } from "../connection/protocol.js" */
 /** @import { Attribute } from "../elements/dom.js" */
@@ -39,7 +39,7 @@ function entryForm(entry, tools) {
   const name = field("name", "Name", entry.name, { maxlength: 200 });
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
-    lengthField(field, "length_m", "Length", entry.length_m, "length"), lengthField(field, "sigma_m", "Sigma", entry.sigma_m, "small"), name,
+    lengthField(field, "length_m", "Length", entry.length_m, "length", { placeholder: "none: computed" }), lengthField(field, "sigma_m", "Sigma", entry.sigma_m, "small"), name,
     node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "to adjust"),
       node("option", { value: "check", selected: entry.adjust === false }, "only judged"))),
   ] : [name, ...(entry.kind === "skid_speed" ? [
@@ -50,7 +50,7 @@ function entryForm(entry, tools) {
     class: "entry", "data-row": "entry", "aria-label": `${entry.was ? "Change" : "New"} ${what}`, novalidate: true,
     onsubmit: (event) => { event.preventDefault(); tools.entered(as(HTMLFormElement, event.target)); },
   }, node("p", { class: "both title" }, title), ...fields, node("p", { class: "both wrong", role: "alert", hidden: true }),
-  node("div", { class: "both row" }, node("button", { type: "submit", title: "The next click in a photo does this, too" }, entry.was ? "Change (Enter)" : "Add (Enter or next click)"),
+  node("div", { class: "both row" }, node("button", { type: "submit", title: `The next click in a photo does this, too${isNewLine(entry) ? "; without a length it is a distance that is computed" : ""}` }, entry.was ? "Change (Enter)" : "Add (Enter or next click)"),
     node("button", { type: "button", onclick: () => tools.cancel() }, "Cancel (Esc)")));
 }
 
@@ -102,13 +102,29 @@ function showNeeds(form, points, isNew, coming) {
     () => [...lines.map((line) => node("p", { class: "dim" }, line)), ...(why ? [node("p", { class: "wrong" }, why)] : [])]);
 }
 
+const openForm = () => {
+  const form = document.querySelector('form[data-row="entry"]');
+  return form instanceof HTMLFormElement ? form : null;
+};
+
 // Returns the open form with typed input, which further actions must not lose.
 export function typedForm() {
-  const form = document.querySelector('form[data-row="entry"]');
-  if (!(form instanceof HTMLFormElement)) return null;
-  const isTyped = [...form.elements].some((one) => one instanceof HTMLInputElement && one.value !== one.defaultValue);
+  const form = openForm();
+  const isTyped = form && [...form.elements].some((one) => one instanceof HTMLInputElement && one.value !== one.defaultValue);
   return isTyped ? form : null;
 }
+
+/** @param {Entry} entry @returns {entry is NewLine} */
+const isNewLine = (entry) => entry.t === "line" && !entry.was;
+
+/** Whether it is a new line without a reading, which is a distance that is wanted. @param {Entry} entry @returns {entry is NewLine} */
+export const isUnread = (entry) => isNewLine(entry) && !typedForm();
+
+/** Returns the open form if the next click takes it. @param {Entry} entry */
+export const formToTake = (entry) => (isUnread(entry) ? openForm() : typedForm());
+
+/** @param {NewLine} entry @param {string} name @returns {Filled} */
+export const distanceMessage = ({ start, end }, name) => ({ message: { t: "measure", was: "", name, kind: "distance", points: [start, end] } });
 
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 const WITH_COMMA = /^[-+]?\d*,\d+$/;
@@ -155,8 +171,8 @@ export function showFault(form, why, field) {
 // Returns the message of a filled-in form, or the fault and its field.
 // `taken`: names of the others of its kind.
 /**
- * @param {Entry} entry @param {FormData} form @param {string[]} taken
- * @returns {{ message: SetLine | SetMeasurement, why?: undefined, field?: undefined } | { message?: undefined, why: string, field: string }}
+ * @typedef {{ message: SetLine | SetMeasurement, why?: undefined, field?: undefined } | { message?: undefined, why: string, field: string }} Filled
+ * @param {Entry} entry @param {FormData} form @param {string[]} taken @returns {Filled}
  */
 export function entryMessage(entry, form, taken) {
   const name = textIn(form, "name");

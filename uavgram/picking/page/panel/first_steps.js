@@ -38,7 +38,7 @@ function stepsOf() {
   const twice = counts.filter((count) => count > 1).length;
   const measure = {
     words: "Measure what you want to know", done: store.measurements.length > 0,
-    how: `Tool ${TOOLS.distance.name} (D), then click the two points. Areas, heights and more have tools of their own.`,
+    how: `Tool ${TOOLS.distance.name} (D), then click the two points; a line of ${TOOLS.length.name} does it, too, if no reading is typed. Areas, heights and more have tools of their own.`,
   };
   if (!isPlaced()) {
     return [

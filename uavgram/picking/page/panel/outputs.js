@@ -1,27 +1,40 @@
 // The foot of the measurements tab: one click runs the project and writes all outputs.
 
-import { adjusted, store } from "../connection/store.js";
+import { adjusted, proposals, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
 import { fillIfNew, node } from "../elements/dom.js";
 import { keep } from "../elements/table.js";
+import { MOST_SHOWN } from "./proposals.js";
 
+/** @import { Proposals } from "../actions/proposals.js" */
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Outputs } from "../connection/protocol.js" */
 
-/** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll */
-export function showOutputs(foot, exporting, exportAll) {
+/** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll @param {Proposals} found */
+export function showOutputs(foot, exporting, exportAll, found) {
   const { outputs, version } = store;
   if (!outputs) return;
   const old = outputs.files.length > 0 && outputs.version !== version;
   const { level } = light();
   const words = writeWords(level);
   const lost = ageOfNumbers() === "lost";
-  const made = keep("outputs", [outputs, old, exporting, level, words, lost], () => node("div", {},
+  const { all, words: acceptWords } = acceptable();
+  const acceptAndWrite = () => { if (found.accept(all)) exportAll(); };
+  const made = keep("outputs", [outputs, old, exporting, level, words, lost, all], () => node("div", {},
     node("div", { class: "row" },
       node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting || lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         exporting ? "Writing\u2026" : words),
+      all.length && !exporting && !lost ? node("button", { name: "accept-export", title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,
       node("span", { class: "dim", role: "status" }, exporting || lost ? "" : age(outputs, old)))));
   if (foot.firstChild !== made) foot.replaceChildren(made);
+}
+
+// What one click may accept: all finds if each has its picture in the list, else those that need no inspection.
+function acceptable() {
+  const found = proposals();
+  if (found.length <= MOST_SHOWN) return { all: found, words: `Accept the ${found.length} found` };
+  const sure = found.filter(({ is_sure }) => is_sure);
+  return { all: sure, words: `Accept the ${sure.length} found surely` };
 }
 
 // The button for writing results shows how far they can be trusted.

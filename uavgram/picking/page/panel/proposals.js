@@ -1,16 +1,17 @@
 // Proposals in other photos that are not accepted yet, and labels to be picked by hand.
 
-import { askedFor, picksOf, proposals, store } from "../connection/store.js";
+import { askedFor, pickAt, picksOf, proposals, store } from "../connection/store.js";
 import { linkButton, signButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
-import { about, cell, drop, folded, keep, table, tableRow, titled } from "../elements/table.js";
+import { about, beneath, cell, drop, folded, keep, table, tableRow, titled } from "../elements/table.js";
+import { spot } from "../photos/spot.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Asked, Proposal } from "../connection/protocol.js" */
 
-const MOST = 60; // most rows that a person reads
+export const MOST_SHOWN = 60; // most rows that a person reads
 const FEW = 6; // a list so short leaves room for the rest
 
 /** @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @returns {(HTMLElement | null)[]} */
@@ -29,7 +30,7 @@ function foundPart({ selected }, image, tools) {
     acceptButtons(all.filter(({ is_sure }) => is_sure).length, selected, image, tools),
     store.seeking ? node("p", { class: "dim", role: "status" }, `Still looking: ${places(store.seeking)}.`) : null,
     all.length ? table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that tells its own place"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
-      all.slice(0, MOST).map((one) => foundRow(one, tools))) : null,
+      all.slice(0, MOST_SHOWN).flatMap((one) => [foundRow(one, tools), picturesRow(one)])) : null,
     more(all.length)));
 }
 
@@ -63,6 +64,16 @@ function foundRow(one, tools) {
       signButton("remove", `Refuse ${label} in ${name}`, "\u00d7", () => tools.proposals.refuse([[image, label]]), { title: "Refuse" })));
 }
 
+// The pick and the find side by side: a wrong one shows without a look at the other photo.
+/** @param {Proposal} one */
+function picturesRow({ image, label, u_px, v_px, from_image }) {
+  const row = beneath(6, "spots");
+  const pick = from_image === null ? undefined : pickAt(from_image, label);
+  if (pick) row.firstElementChild?.append(spot(pick.image, pick.u_px, pick.v_px, `${label} as picked in ${store.photos[pick.image].name}`), "\u2192");
+  row.firstElementChild?.append(spot(image, u_px, v_px, `${label} as found in ${store.photos[image].name}`));
+  return row;
+}
+
 /** @param {PageState} state @param {Tools} tools */
 function askedPart({ selected }, tools) {
   const all = first(askedFor(), (one) => one.label === selected).filter(({ label }) => picksOf(label).length);
@@ -72,7 +83,7 @@ function askedPart({ selected }, tools) {
   }
   const rows = groups(all);
   return keep("asked", [all, selected], () => folded("Still to be picked by hand", all.length, { class: "part asked", open: rows.length <= FEW },
-    node("ul", { class: "scroll", tabindex: 0, "aria-label": "What is still to be picked by hand" }, ...rows.slice(0, MOST).map((some) => askedRow(some, tools))), more(rows.length)));
+    node("ul", { class: "scroll", tabindex: 0, "aria-label": "What is still to be picked by hand" }, ...rows.slice(0, MOST_SHOWN).map((some) => askedRow(some, tools))), more(rows.length)));
 }
 
 /** Groups by point and reason. @param {Asked[]} all @returns {Asked[][]} */
@@ -98,7 +109,7 @@ function askedRow(some, tools) {
 const goButton = ({ image, label }, words, tools) => linkButton("go", words, () => tools.proposals.goTo(image, label), { title: "Show where it is expected" });
 
 /** @param {number} count */
-const more = (count) => (count > MOST ? node("p", { class: "dim" }, `and ${count - MOST} more`) : null);
+const more = (count) => (count > MOST_SHOWN ? node("p", { class: "dim" }, `and ${count - MOST_SHOWN} more`) : null);
 
 /** @param {number} count */
 const places = (count) => `${count} place${count === 1 ? "" : "s"}`;
