@@ -32,9 +32,10 @@ export function showOutputs(foot, exporting, exportAll, found) {
 // What one click may accept: all finds if each has its picture in the list, else those that need no inspection.
 function acceptable() {
   const found = proposals();
-  if (found.length <= MOST_SHOWN) return { all: found, words: `Accept the ${found.length} found` };
   const sure = found.filter(({ is_sure }) => is_sure);
-  return { all: sure, words: `Accept the ${sure.length} found surely` };
+  if (found.length > MOST_SHOWN) return { all: sure, words: `Accept the ${sure.length} found surely` };
+  const unsure = found.length - sure.length;
+  return { all: found, words: `Accept the ${found.length} found${unsure ? ` (${unsure} unsure)` : ""}` };
 }
 
 // The button for writing results shows how far they can be trusted.
