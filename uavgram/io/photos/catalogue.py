@@ -284,36 +284,49 @@ def list_absent(patterns: tuple[str, ...], names: Collection[str]) -> list[str]:
 def _times(
     paths: list[Path], options: TimeOptions
 ) -> tuple[list[_Reading], TimeSource, tuple[Message, ...]]:
-    if options.source == "filename":
-        readings = [_filename_reading(path, options.filename_format) for path in paths]
-        return readings, "filename", ()
     if options.source == "events":
         return [_Reading()] * len(paths), "none", ()
-    readings = [_exif_reading(path) for path in paths]
+    source: TimeSource = "filename" if options.source == "filename" else "exif"
+    if source == "filename":
+        readings = [_filename_reading(path, options.filename_format) for path in paths]
+    else:
+        readings = [_exif_reading(path) for path in paths]
     timed = [np.isfinite(reading.time_s) for reading in readings]
     if options.source == "auto" and 2 * sum(timed) <= len(paths):
         return [_Reading()] * len(paths), "none", _report_ignored_times(paths, timed)
     if not any(timed):
-        raise InputError(
-            paths[0],
-            f"states no capture time in EXIF, nor does any of the {len(paths)} photos; "
-            "set time.source to filename or events",
-        )
+        raise InputError(paths[0], _describe_no_times(paths, options))
     messages = []
     if not all(timed):
         without = paths[timed.index(False)].name
+        where = "EXIF" if source == "exif" else "the names, which do not fit time.filename_format,"
         text = (
-            f"{timed.count(False)} of {len(paths)} photos state no capture time in EXIF and cannot "
-            f"be found in the log by it, the first is {without}: did another program save it?"
+            f"{timed.count(False)} of {len(paths)} photos state no capture time in {where} and "
+            f"cannot be found in the log by it, the first is {without}: did another program save "
+            "it?"
         )
         messages.append(Message("warning", "photo-without-time", text))
-    if not any(reading.zoned for reading in readings):
+    if source == "exif" and not any(reading.zoned for reading in readings):
         text = (
             "EXIF states no time zone: its times were read as UTC; "
             "time.offset_s (camera clock minus UTC) has to take the zone off"
         )
         messages.append(Message("info", "photo-zone-unknown", text))
-    return readings, "exif", tuple(messages)
+    return readings, source, tuple(messages)
+
+
+def _describe_no_times(paths: list[Path], options: TimeOptions) -> str:
+    """Describe that no photo states a time where it should be, and the way out."""
+    if options.source == "filename":
+        return (
+            f"its name without suffix, {paths[0].stem!r}, does not fit time.filename_format "
+            f"{options.filename_format!r}, nor does that of any other of the {len(paths)} photos; "
+            "correct it, or set time.source to auto"
+        )
+    return (
+        f"states no capture time in EXIF, nor does any of the {len(paths)} photos; "
+        "set time.source to filename or events"
+    )
 
 
 def _report_ignored_times(paths: list[Path], timed: list[bool]) -> tuple[Message, ...]:
@@ -331,13 +344,8 @@ def _filename_reading(path: Path, pattern: str) -> _Reading:
     try:
         # a zone in the pattern is subtracted in _since_epoch
         moment = datetime.strptime(path.stem, pattern)  # noqa: DTZ007
-    except ValueError as error:
-        raise InputError(
-            path,
-            f"its name without suffix, {path.stem!r}, does not fit time.filename_format "
-            f"{pattern!r} ({error}): rename it, or move it out of the folder if it is a copy, or "
-            "set time.source to auto",
-        ) from error
+    except ValueError:
+        return _Reading()  # of another form, as that of a copy
     resolution = 1.0
     if "%f" in pattern:
         rest = moment.strftime(pattern.replace("%f", ""))
