@@ -6,7 +6,7 @@ import glob
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -176,17 +176,18 @@ def read_photos(
 def _list_lost(named: Mapping[str, str], photos: Sequence[Path]) -> Iterator[UnusableFile]:
     """List the named photos that are not among those found, each with what may have happened."""
     names = {path.name for path in photos}
+    free = names - named.keys()  # only these may be meant by another name
     for name, where in named.items():
         if name not in names:
             yield UnusableFile(
                 Path(name),
                 f"is not among the project's photos, though {where} names it"
-                f"{_explain_loss(name, photos)}",
+                f"{_explain_loss(name, photos, free)}",
             )
 
 
-def _explain_loss(name: str, photos: Sequence[Path]) -> str:
-    """Suggest the photo that may be meant, else to bring it back."""
+def _explain_loss(name: str, photos: Sequence[Path], free: Set[str]) -> str:
+    """Suggest the photo that may be meant, of those without a name of their own, or a copy."""
     names = [path.name for path in photos]
     if normalize("NFC", name) in (normalize("NFC", other) for other in names):
         return (
@@ -196,7 +197,7 @@ def _explain_loss(name: str, photos: Sequence[Path]) -> str:
     for folder in {path.parent for path in photos}:
         if known := unread_format(folder / name):
             return f": it is a {known.name}; {known.way_out}"
-    near = suggest_spelling(name, names)
+    near = suggest_spelling(name, sorted(free))
     return f"{f' ({near})' if near else ''}: copy it back to the others"
 
 
@@ -258,6 +259,12 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
     own_names = {*left_out, *map(glob.escape, left_out)}
     wanted = [pattern for pattern in patterns if Path(pattern).name not in own_names]
     there = [pattern for pattern in wanted if glob.has_magic(pattern) or os.path.lexists(pattern)]
+    if not there and len(wanted) > 1:
+        raise InputError(
+            wanted[0],
+            f"is not there, nor is any other of the {len(wanted)} photos that `images` names: copy "
+            "them back, or correct `images`",
+        )
     for pattern in there or wanted:
         files = find_matching_files(pattern, "correct `images` in the project")
         for path in files:
