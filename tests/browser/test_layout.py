@@ -82,7 +82,7 @@ def test_both_buttons_of_an_entry_stand_in_one_row(
         click_mark(page, "A")
         click_mark(page, "B")
         buttons = page.get_by_role("form", name="New length A to B").get_by_role("button").all()
-        tops = [(button.bounding_box() or {})["y"] for button in buttons]
+        tops = [button.evaluate("one => one.getBoundingClientRect().top") for button in buttons]
         assert len(tops) == 2
         assert tops[0] == tops[1]
         assert not open_page.errors

@@ -225,6 +225,25 @@ def test_a_second_ctrl_c_leaves_nothing_of_the_first_one_behind(tmp_path: Path) 
     assert list(tmp_path.iterdir()) == []
 
 
+EARLY = """
+import os, signal, sys
+from uavgram.cli import main
+def strike(event, about):
+    if event == "import" and about[0] in {"uavgram.cli.start", "uavgram.cli.interrupt"}:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000): pass
+sys.addaudithook(strike)
+os.write(1, b"!")
+sys.exit(main())
+"""
+
+
+def test_a_second_ctrl_c_before_anything_is_loaded_gives_one_line_too() -> None:
+    with start(code=EARLY) as process:
+        _, said = process.communicate(timeout=LONGEST_WAIT_S)
+    assert (process.returncode, said) == (130, LINE)
+
+
 WITHIN = """
 import os, shutil, signal, sys, uavgram.cli.entry as entry
 from uavgram.cli import main
