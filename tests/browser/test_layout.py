@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 from opened_pages import PageOpener
-from picking_pages import eventually, show_photo, wait_until_adjusted
+from picking_pages import click_mark, eventually, place, show_photo, wait_until_adjusted
+from picking_projects import PickingProject
 from picking_server import served
 from playwright.sync_api import expect
 
@@ -67,4 +68,21 @@ def test_nothing_overlaps_and_nothing_is_cut_off(survey: Path, open_page: PageOp
         page.evaluate("document.querySelector('#project').style.minWidth = '900px'")
         page.set_viewport_size({"width": 1280, "height": 720})
         eventually(page, lambda: page.evaluate(CUT_OFF) != [])  # the test can fall
+        assert not open_page.errors
+
+
+def test_both_buttons_of_an_entry_stand_in_one_row(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server, 1280, 800)
+        place(page, "A", *planted.marks_px[0])
+        place(page, "B", *planted.marks_px[1])
+        page.keyboard.press("l")
+        click_mark(page, "A")
+        click_mark(page, "B")
+        buttons = page.get_by_role("form", name="New length A to B").get_by_role("button").all()
+        tops = [button.evaluate("one => one.getBoundingClientRect().top") for button in buttons]
+        assert len(tops) == 2
+        assert tops[0] == tops[1]
         assert not open_page.errors

@@ -221,6 +221,25 @@ def test_a_photo_that_is_gone_can_be_left_out_with_its_picks(
     assert command("check", project.path).status == 0
 
 
+def test_only_a_photo_that_no_table_names_is_proposed_for_a_lost_one(
+    project: Project, command: Command
+) -> None:
+    (project / "photos" / "IMG_0003.jpg").rename(project / "photos" / "IMG_0003_b.jpg")
+    assert "(did you mean 'IMG_0003_b.jpg'?)" in command("check", project.path).stderr
+    (project / "photos" / "IMG_0003_b.jpg").unlink()
+    said = command("check", project.path).stderr
+    assert "IMG_0003.jpg: is not among the project's photos" in said
+    assert "did you mean" not in said
+
+
+def test_photos_that_are_all_lost_are_told_together(project: Project, fails: Fails) -> None:
+    photos = sorted((project / "photos").iterdir())
+    project.set(images=[f"photos/{photo.name}" for photo in photos])
+    for photo in photos:
+        photo.unlink()
+    fails(f"nor is any other of the {len(photos)} photos that `images` names: copy them back")
+
+
 def test_lost_photos_are_named_together_with_damaged_ones(
     project: Project, command: Command, fails: Fails
 ) -> None:

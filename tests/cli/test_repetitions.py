@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import shutil
+from datetime import UTC, datetime
 from pathlib import Path
 
 import cv2
@@ -168,3 +169,29 @@ def test_many_frames_and_many_measurements_are_one_message_each(project: Project
     assert number >= 13
     assert doubtful.text.startswith(f"The uncertainties of {number} measurements are approximate: ")
     assert doubtful.text.endswith("Run again with --monte-carlo for their exact intervals.")
+
+
+def test_a_copy_whose_name_holds_no_time_is_counted_once(project: Project, alone: Result) -> None:
+    photos = read_inputs(project.path).photos
+    moments = (datetime.fromtimestamp(time_s, UTC) for time_s in photos.file_time_s)
+    named = {
+        name: f"{moment:%Y%m%d_%H%M%S_%f}.jpg"
+        for name, moment in zip(photos.frame_id, moments, strict=True)
+    }
+    picks = (project / "picks.csv").read_text()
+    for name, timed in named.items():
+        (project / "photos" / name).rename(project / "photos" / timed)
+        picks = picks.replace(name, timed)
+    first = picks.splitlines()[1].split(",")[0]
+    copy = "zz from the phone.jpg"
+    saved_anew(project, first, copy, exif=False)
+    again = [row.replace(first, copy) for row in picks.splitlines() if row.startswith(first)]
+    (project / "picks.csv").write_text("\n".join([picks.rstrip(), *again]) + "\n")
+    project.set(time={"source": "filename", "filename_format": "%Y%m%d_%H%M%S_%f"})
+
+    result = uavgram.run(project.path, output=None)
+
+    assert result.frames.reason[result.frames.frame_id.index(copy)] == (
+        f"the same photo as {first}, which is counted"
+    )
+    assert (result.measurements.sigma >= 0.98 * alone.measurements.sigma).all()

@@ -69,7 +69,7 @@ def test_ctrl_c_changes_nothing(
     done = command("run", project.path)
     assert done.status == 130
     assert done.stdout == ""
-    assert done.stderr == "uavgram: interrupted; earlier results are as they were\n"
+    assert done.stderr == "uavgram: interrupted; no result is half written\n"
     assert project.outputs() == before
 
 

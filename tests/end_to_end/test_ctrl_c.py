@@ -21,7 +21,7 @@ from uavgram.cli import main
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of Linux and macOS")
 
 LONGEST_WAIT_S = 120.0
-LINE = "uavgram: interrupted; earlier results are as they were\n"
+LINE = "uavgram: interrupted; no result is half written\n"
 # It says so from within `main`: before that the process is Python's, which answers in its own way.
 BEGIN = """
 import os, sys
@@ -223,6 +223,58 @@ def test_a_second_ctrl_c_leaves_nothing_of_the_first_one_behind(tmp_path: Path) 
         _, said = process.communicate(timeout=LONGEST_WAIT_S)
     assert (process.returncode, said) == (130, LINE)
     assert list(tmp_path.iterdir()) == []
+
+
+EARLY = """
+import os, signal, sys
+from uavgram.cli import main
+def strike(event, about):
+    if event == "import" and about[0] in {"uavgram.cli.start", "uavgram.cli.interrupt"}:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000): pass
+sys.addaudithook(strike)
+os.write(1, b"!")
+sys.exit(main())
+"""
+
+
+def test_a_second_ctrl_c_before_anything_is_loaded_gives_one_line_too() -> None:
+    with start(code=EARLY) as process:
+        _, said = process.communicate(timeout=LONGEST_WAIT_S)
+    assert (process.returncode, said) == (130, LINE)
+
+
+WITHIN = """
+import os, shutil, signal, sys, uavgram.cli.entry as entry
+from uavgram.cli import main
+from uavgram.io.outputs import stage_output
+def strike_within(module, name):
+    work = getattr(module, name)
+    def struck(*of, **how):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000): pass
+        return work(*of, **how)
+    setattr(module, name, struck)
+def once(_):
+    with stage_output(output) as folder:
+        (folder / "new").touch()
+        for _ in range(10_000_000): len("x")
+strike_within({where})
+entry.app = once
+os.write(1, b"!")
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(("where", "kept"), [("os, 'close'", []), ("shutil, 'rmtree'", ["new"])])
+def test_a_context_is_set_up_and_put_away_whole(
+    tmp_path: Path, where: str, kept: list[str]
+) -> None:
+    code = f"output = {str(tmp_path)!r}\n{WITHIN.format(where=where)}"
+    with start(code=code) as process:
+        _, said = process.communicate(timeout=LONGEST_WAIT_S)
+    assert (process.returncode, said) == (130, LINE)
+    assert [path.name for path in tmp_path.iterdir()] == kept
 
 
 @pytest.mark.parametrize(

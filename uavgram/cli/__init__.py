@@ -26,6 +26,10 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
 
         return start(arguments)
     except KeyboardInterrupt:
+        if arguments is None:  # it may have come before `start` watches, and comes once more
+            import signal
+
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         from uavgram.cli.interrupt import report_interruption
 
         return report_interruption()

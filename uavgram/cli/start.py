@@ -15,17 +15,20 @@ def start(arguments: Sequence[str] | None) -> int:
     Raises
     ------
     KeyboardInterrupt
-        Ctrl+C came, even if its exception was converted to another one.
+        Ctrl+C came, even if its exception was converted to another one, or put off until the end.
     """
     if arguments is None:  # this process is ours alone
         _leave_ascii()
         watch()
     try:
-        return set_end_status(_run(arguments))
+        status = _run(arguments)
     except BaseException as fault:
         if was_interrupted():
             raise KeyboardInterrupt from fault
         raise
+    if was_interrupted() and status == 0:  # it was put off, or a library caught it
+        raise KeyboardInterrupt
+    return set_end_status(status)
 
 
 def _leave_ascii() -> None:

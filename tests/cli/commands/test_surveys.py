@@ -64,7 +64,7 @@ def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(
 
     assert done.status == 130
     assert "open http://127.0.0.1:1234?url=x\nCtrl+C ends it" in done.stdout
-    assert done.stderr == "uavgram: interrupted; earlier results are as they were\n"
+    assert done.stderr == "uavgram: interrupted; no result is half written\n"
 
 
 @pytest.mark.parametrize("flags", [[], ["--web"]])

@@ -202,12 +202,22 @@ def test_a_clock_that_was_never_set_states_no_time(photo: Photo, tmp_path: Path)
     assert "b.jpg" in messages[0].text
 
 
-def test_a_name_that_does_not_fit_the_pattern_is_named(photo: Photo, tmp_path: Path) -> None:
+def test_a_pattern_that_fits_no_name_is_an_error(photo: Photo, tmp_path: Path) -> None:
     path = photo("IMG_1.jpg")
-    with pytest.raises(InputError, match="filename_format") as caught:
+    with pytest.raises(InputError, match=r"'IMG_1'.*filename_format.*auto") as caught:
         read_photos((str(tmp_path / "*.jpg"),), FILENAME)
     assert caught.value.path == str(path)
-    assert "if it is a copy, or set time.source to auto" in str(caught.value)
+
+
+def test_a_name_that_does_not_fit_the_pattern_states_no_time(photo: Photo, tmp_path: Path) -> None:
+    photo("2018080501005009Z.jpg")
+    photo("Kopie von 2018080501005009Z.jpg")
+    photos, messages = read_photos((str(tmp_path / "*.jpg"),), FILENAME)
+    assert photos.time_source == "filename"
+    assert np.isnan(photos.file_time_s).tolist() == [False, True]
+    assert [m.code for m in messages] == ["photo-without-time"]
+    assert "1 of 2" in messages[0].text
+    assert "Kopie von" in messages[0].text
 
 
 def test_two_photos_of_one_name_are_refused(photo: Photo, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import glob
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -180,17 +180,18 @@ def read_photos(
 def _list_lost(named: Mapping[str, str], photos: Sequence[Path]) -> Iterator[UnusableFile]:
     """List the named photos that are not among those found, each with what may have happened."""
     names = {path.name for path in photos}
+    free = names - named.keys()  # only these may be meant by another name
     for name, where in named.items():
         if name not in names:
             yield UnusableFile(
                 Path(name),
                 f"is not among the project's photos, though {where} names it"
-                f"{_explain_loss(name, photos)}",
+                f"{_explain_loss(name, photos, free)}",
             )
 
 
-def _explain_loss(name: str, photos: Sequence[Path]) -> str:
-    """Suggest the photo that may be meant, else to bring it back."""
+def _explain_loss(name: str, photos: Sequence[Path], free: Set[str]) -> str:
+    """Suggest the photo that may be meant, of those without a name of their own, or a copy."""
     names = [path.name for path in photos]
     if normalize("NFC", name) in (normalize("NFC", other) for other in names):
         return (
@@ -200,7 +201,7 @@ def _explain_loss(name: str, photos: Sequence[Path]) -> str:
     for folder in {path.parent for path in photos}:
         if known := unread_format(folder / name):
             return f": it is a {known.name}; {known.way_out}"
-    near = suggest_spelling(name, names)
+    near = suggest_spelling(name, sorted(free))
     return f"{f' ({near})' if near else ''}: copy it back to the others"
 
 
@@ -262,6 +263,12 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
     own_names = {*left_out, *map(glob.escape, left_out)}
     wanted = [pattern for pattern in patterns if Path(pattern).name not in own_names]
     there = [pattern for pattern in wanted if glob.has_magic(pattern) or os.path.lexists(pattern)]
+    if not there and len(wanted) > 1:
+        raise InputError(
+            wanted[0],
+            f"is not there, nor is any other of the {len(wanted)} photos that `images` names: copy "
+            "them back, or correct `images`",
+        )
     for pattern in there or wanted:
         files = find_matching_files(pattern, GONE)
         for path in files:
@@ -288,36 +295,49 @@ def list_absent(patterns: tuple[str, ...], names: Collection[str]) -> list[str]:
 def _times(
     paths: list[Path], options: TimeOptions
 ) -> tuple[list[_Reading], TimeSource, tuple[Message, ...]]:
-    if options.source == "filename":
-        readings = [_filename_reading(path, options.filename_format) for path in paths]
-        return readings, "filename", ()
     if options.source == "events":
         return [_Reading()] * len(paths), "none", ()
-    readings = [_exif_reading(path) for path in paths]
+    source: TimeSource = "filename" if options.source == "filename" else "exif"
+    if source == "filename":
+        readings = [_filename_reading(path, options.filename_format) for path in paths]
+    else:
+        readings = [_exif_reading(path) for path in paths]
     timed = [np.isfinite(reading.time_s) for reading in readings]
     if options.source == "auto" and 2 * sum(timed) <= len(paths):
         return [_Reading()] * len(paths), "none", _report_ignored_times(paths, timed)
     if not any(timed):
-        raise InputError(
-            paths[0],
-            f"states no capture time in EXIF, nor does any of the {len(paths)} photos; "
-            "set time.source to filename or events",
-        )
+        raise InputError(paths[0], _describe_no_times(paths, options))
     messages = []
     if not all(timed):
         without = paths[timed.index(False)].name
+        where = "EXIF" if source == "exif" else "the names, which do not fit time.filename_format,"
         text = (
-            f"{timed.count(False)} of {len(paths)} photos state no capture time in EXIF and cannot "
-            f"be found in the log by it, the first is {without}: did another program save it?"
+            f"{timed.count(False)} of {len(paths)} photos state no capture time in {where} and "
+            f"cannot be found in the log by it, the first is {without}: did another program save "
+            "it?"
         )
         messages.append(Message("warning", "photo-without-time", text))
-    if not any(reading.zoned for reading in readings):
+    if source == "exif" and not any(reading.zoned for reading in readings):
         text = (
             "EXIF states no time zone: its times were read as UTC; "
             "time.offset_s (camera clock minus UTC) has to take the zone off"
         )
         messages.append(Message("info", "photo-zone-unknown", text))
-    return readings, "exif", tuple(messages)
+    return readings, source, tuple(messages)
+
+
+def _describe_no_times(paths: list[Path], options: TimeOptions) -> str:
+    """Describe that no photo states a time where it should be, and the way out."""
+    if options.source == "filename":
+        return (
+            f"its name without suffix, {paths[0].stem!r}, does not fit time.filename_format "
+            f"{options.filename_format!r}, nor does that of any other of the {len(paths)} photos; "
+            "correct it, or set time.source to auto"
+        )
+    return (
+        f"states no capture time in EXIF, nor does any of the {len(paths)} photos; "
+        "set time.source to filename or events"
+    )
 
 
 def _report_ignored_times(paths: list[Path], timed: list[bool]) -> tuple[Message, ...]:
@@ -335,13 +355,8 @@ def _filename_reading(path: Path, pattern: str) -> _Reading:
     try:
         # a zone in the pattern is subtracted in _since_epoch
         moment = datetime.strptime(path.stem, pattern)  # noqa: DTZ007
-    except ValueError as error:
-        raise InputError(
-            path,
-            f"its name without suffix, {path.stem!r}, does not fit time.filename_format "
-            f"{pattern!r} ({error}): rename it, or move it out of the folder if it is a copy, or "
-            "set time.source to auto",
-        ) from error
+    except ValueError:
+        return _Reading()  # of another form, as that of a copy
     resolution = 1.0
     if "%f" in pattern:
         rest = moment.strftime(pattern.replace("%f", ""))

@@ -610,11 +610,12 @@ def _photos_by_gross_picks(taking: Participants, found: Sequence[Candidate]) -> 
 def _better_of_two(taking: Participants, alone: Iterable[Candidate]) -> list[Candidate]:
     """Return the better of the candidates without either of two photos.
 
-    Where the two are as good, the picks of the photo are left out with the reason `EITHER`.
+    Where each of the two fits alone, the picks of the photo are left out with the reason `EITHER`:
+    their costs are of different observations, so the smaller one is no evidence.
     """
     fitting = _sort_by_cost(taking, alone)
-    if len(fitting) < 2 or fitting[1].cost(taking) > fitting[0].cost(taking) + MAX_RIVAL_INCREASE:
-        return fitting[:1]
+    if len(fitting) < 2:
+        return fitting
     best = fitting[0].taking
     left = np.flatnonzero(taking.keep & ~best.keep).tolist()
     reason = {**best.reason, **dict.fromkeys(left, EITHER)}

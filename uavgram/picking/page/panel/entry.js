@@ -50,7 +50,7 @@ function entryForm(entry, tools) {
     class: "entry", "data-row": "entry", "aria-label": `${entry.was ? "Change" : "New"} ${what}`, novalidate: true,
     onsubmit: (event) => { event.preventDefault(); tools.entered(as(HTMLFormElement, event.target)); },
   }, node("p", { class: "both title" }, title), ...fields, node("p", { class: "both wrong", role: "alert", hidden: true }),
-  node("div", { class: "both row" }, node("button", { type: "submit", title: `The next click in a photo does this, too${isNewLine(entry) ? "; without a length it is a distance that is computed" : ""}` }, entry.was ? "Change (Enter)" : "Add (Enter or next click)"),
+  node("div", { class: "both row" }, node("button", { type: "submit", title: `The next click in a photo does this, too${isNewLine(entry) ? "; without a length it is a distance that is computed" : ""}` }, entry.was ? "Change (Enter)" : "Add (Enter, next click)"),
     node("button", { type: "button", onclick: () => tools.cancel() }, "Cancel (Esc)")));
 }
 
