@@ -253,10 +253,12 @@ def propose_turned_camera(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     prior = _telemetry(adjustment)
     if prior is None or adjustment.survey.track is None:
         return
-    # The mount of a camera without a gimbal is written by hand, or missing; a gimbal's angles
-    # are rarely wrong.
+    # A mount is written by hand, or missing; the angles of a gimbal are rarely wrong.
     track = adjustment.survey.track
-    is_fixed = not isinstance(track, PhotoExposures) and not len(track.gimbal_time_s)
+    if isinstance(track, PhotoExposures):
+        is_fixed = bool(track.by_mount.all())
+    else:
+        is_fixed = not len(track.gimbal_time_s)
     known = 0.0 if is_fixed else float(np.log(20.0))
     yield Hypothesis(
         message=_camera_message,
