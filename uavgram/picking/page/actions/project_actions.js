@@ -1,5 +1,6 @@
 // Actions on the project as a whole: export, calibration, reloading.
 
+import { store } from "../connection/store.js";
 import { goOn, send } from "../door/server.js";
 import { boardText } from "../panel/camera.js";
 
@@ -9,13 +10,14 @@ import { boardText } from "../panel/camera.js";
 /** @import { PageState } from "./page_state.js" */
 
 export class ProjectActions {
-  /** @param {{ state: PageState, link: Link, notice: Notice, showPanel: () => void, written: () => void }} needs */
-  constructor({ state, link, notice, showPanel, written }) {
+  /** @param {{ state: PageState, link: Link, notice: Notice, showPanel: () => void, written: () => void, stays: () => void }} needs */
+  constructor({ state, link, notice, showPanel, written, stays }) {
     this.state = state;
     this.link = link;
     this.notice = notice;
     this.showPanel = showPanel;
     this.written = written;
+    this.stays = stays;
   }
 
   // Returns the answer; undefined if it is refused or fails, which is shown.
@@ -44,11 +46,14 @@ export class ProjectActions {
   // Saves and closes the project: the start page opens, to choose a folder or to set up this one.
   /** @param {"" | "setup"} to */
   async leave(to) {
+    store.closing = true;
     try {
       await send(`/door/close?to=${to}`, {});
       goOn();
     } catch (fault) {
+      store.closing = false;
       this.notice.fault(fault);
+      this.stays();
     }
   }
 
