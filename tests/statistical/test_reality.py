@@ -24,8 +24,8 @@ from uavgram.pipeline.measure.inputs import read_inputs
 
 pytestmark = pytest.mark.statistical
 
-SURVEYS, FEW_SURVEYS = 40, 8
-MOST_AMBER = 4  # at 3 % each more than 4 of 40 happen once in 150 times
+SURVEYS, FEW_SURVEYS = 24, 8
+MOST_AMBER = 3  # at 3 % each more than 3 of 24 happen once in 190 times
 
 
 EXACT: Mapping[str, object] = {"ground.roughness_sigma_m": 0.0, "picks_identification_sigma_m": 0.0}
