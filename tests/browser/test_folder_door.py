@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -21,6 +23,8 @@ from playwright.sync_api import Page, expect
 
 from uavgram.config.project import load_project
 from uavgram.picking.session.folder_chooser import FolderChooser
+from uavgram.picking.session.session import PickSession
+from uavgram.picking.web.server import PickServer
 
 
 @pytest.fixture
@@ -248,6 +252,29 @@ def test_back_and_forward_of_the_browser_go_through_the_folders(page: Page) -> N
     expect(title).to_be_hidden()
     page.go_forward()
     expect(title).to_be_visible()
+
+
+def test_a_page_that_closes_its_project_requests_no_more_photos(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real_tile, real_end = PickSession.tile, PickServer.end
+
+    def slow_tile(session: PickSession, *place: Any) -> bytes | None:  # noqa: ANN401
+        time.sleep(0.3)
+        return real_tile(session, *place)
+
+    async def slow_end(server: PickServer, *, waits: bool) -> None:
+        await asyncio.sleep(2.0)  # the photo is complete before the page is told to go
+        await real_end(server, waits=waits)
+
+    monkeypatch.setattr(PickSession, "tile", slow_tile)
+    monkeypatch.setattr(PickServer, "end", slow_end)
+    page.get_by_role("button", name="Use flight").click()
+    page.get_by_role("radio", name="Straight down").check()
+    page.get_by_role("button", name="No lengths").click()
+    expect(page.locator("#strip button")).to_have_count(2)
+    page.get_by_role("button", name="Open another folder").click()
+    expect(page.get_by_role("list", name="Opened before")).to_be_visible()
 
 
 @pytest.mark.parametrize("loss", ["cut off", "not among the project's photos"])

@@ -102,17 +102,16 @@ def strike_often(command: list[object], times: int) -> None:
 
 
 def test_help_can_be_broken_off_while_it_loads() -> None:
-    strike_often(["--help"], 8)
+    strike_often(["--help"], 5)
 
 
 def test_a_log_can_be_broken_off(repository: Path) -> None:
     strike_often(["log", repository / "logs" / "twin_short.tlog"], 5)
 
 
-@pytest.mark.parametrize("command", ["check", "run"])
-def test_a_project_can_be_broken_off_and_keeps_its_results(survey: Path, command: str) -> None:
+def test_a_run_can_be_broken_off_and_keeps_its_results(survey: Path) -> None:
     before = sorted(path.name for path in survey.rglob("*"))
-    strike_often([command, survey / "project.yaml"], 4)
+    strike_often(["run", survey / "project.yaml"], 4)
     assert sorted(path.name for path in survey.rglob("*")) == before
 
 

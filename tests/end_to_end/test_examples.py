@@ -29,7 +29,7 @@ def test_every_example_has_something_to_show() -> None:
     assert {path.stem for path in EXAMPLES.glob("*.py")} == set(SHOWN)
 
 
-@pytest.mark.parametrize("name", SHOWN)
+@pytest.mark.parametrize("name", sorted(set(SHOWN) - {"survey"}))  # that is a notebook: see below
 def test_an_example_runs_anywhere_and_writes_into_a_folder_of_its_own(
     name: str, repository: Path, tmp_path: Path
 ) -> None:

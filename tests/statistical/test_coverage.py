@@ -7,9 +7,6 @@ which go together, so that scenes are what is counted; and one distance of which
 its sigmas is counted. Bounds hold at 99.9 % for the number of scenes: Student's of mean squares,
 the binomial of shares. Planted bugs show that the bounds can be broken.
 
-The iterations start from the truth, which moves no minimum but saves the search for it; that the
-search finds it is shown elsewhere.
-
 The environment raises the number of scenes of rows that have fewer, and to a tenth of it the number
 of those that are judged by sampling:
 
@@ -26,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from adjusted_scenes import adjust_from_truth
 from random_scenes import MEASURED, Kind, random_scene
 from scenes import NO_TIMES, Scene
 from scipy.stats import binom, norm, t
@@ -33,15 +31,13 @@ from scipy.stats import binom, norm, t
 from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.measuring.second_order import compute_curvature
-from uavgram.estimation.solver import levenberg_marquardt as least_squares
-from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey import likelihood as survey_problem
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.lengths import Lengths
 from uavgram.estimation.survey.observations.pixels import Pixels
-from uavgram.estimation.survey.unknowns import State, advance_state
+from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground import measurements
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.observations import MeasurementRequest
@@ -92,12 +88,6 @@ ROWS: dict[str, tuple[int, Kind]] = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _a_thousandth_of_a_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The last of the iterations' digits say nothing here."""
-    monkeypatch.setattr(least_squares, "MIN_REDUCTION", 1e-6)
-
-
 @dataclass(frozen=True)
 class Outcome:
     """Errors of many scenes.
@@ -121,23 +111,6 @@ class Outcome:
     points: Floats
     flagged: int
     unsettled: int
-
-
-def adjusted(scene: Scene) -> Adjustment | None:
-    """The adjustment of a scene, from the truth; None where it does not come to rest."""
-    survey = scene.survey
-    problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
-    layout = problem.layout
-    minimum = minimise(
-        scene.truth,
-        problem.evaluate,
-        lambda state, step: advance_state(layout, state, step),
-        layout.size,
-        layout.structure,
-    )
-    if not minimum.converged:
-        return None
-    return Adjustment(problem, minimum, minimum.factor.covariance())
 
 
 def curved(adjustment: Adjustment) -> bool:
@@ -176,7 +149,7 @@ def study(
     distance, distances, points, flagged, unsettled = [], [], [], 0, 0
     for trial in range(trials):
         scene = random_scene((seed, trial), kind)
-        adjustment = adjusted(scene if change is None else change(scene))
+        adjustment = adjust_from_truth(scene if change is None else change(scene))
         if adjustment is None:
             unsettled += 1
             continue
@@ -210,7 +183,7 @@ def violations(outcome: Outcome) -> list[str]:
     words = []
     n = len(outcome.distance)
     if outcome.unsettled > 0.005 * n:
-        words.append(f"{outcome.unsettled} beside {n} did not come to rest")
+        return [f"{outcome.unsettled} beside {n} did not come to rest"]
     for sigmas in (1, 2, 3):
         inside = int(np.sum(np.abs(outcome.distance) <= sigmas))
         low, high = binom.ppf(np.array([TAIL, 1 - TAIL]), n, 2 * norm.cdf(sigmas) - 1)
@@ -251,7 +224,7 @@ def test_scenes_that_curvature_flags_are_honest_by_their_sampled_intervals() -> 
     inside = []
     for trial in range(20 * JUDGED):
         scene = random_scene((2, trial), kind)
-        adjustment = adjusted(scene)
+        adjustment = adjust_from_truth(scene)
         if adjustment is not None and curved(adjustment):
             apart = float(np.linalg.norm(np.diff(scene.world[list(MEASURED)], axis=0)))
             inside.append(judged_by_sampling([adjustment], apart, trial))

@@ -10,15 +10,11 @@ import os
 
 import numpy as np
 import pytest
+from adjusted_scenes import adjust_from_truth
 from known_scenes import PLACES, known_scene
-from scenes import Scene
 from scipy.stats import chi2
 
-from uavgram.estimation.solver.levenberg_marquardt import minimise
-from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import KnownRows, compute_known_rows
-from uavgram.estimation.survey.unknowns import advance_state
 from uavgram.model.arrays import Floats
 
 pytestmark = pytest.mark.statistical
@@ -27,28 +23,13 @@ TRIALS = max(16, int(os.environ.get("UAVGRAM_REPETITIONS", "0")))
 TAIL = 0.0005
 
 
-def adjusted(scene: Scene) -> Adjustment:
-    """The adjustment of a scene, from the truth."""
-    survey = scene.survey
-    problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
-    layout = problem.layout
-    minimum = minimise(
-        scene.truth,
-        problem.evaluate,
-        lambda state, step: advance_state(layout, state, step),
-        layout.size,
-        layout.structure,
-    )
-    assert minimum.converged
-    return Adjustment(problem, minimum, minimum.factor.covariance())
-
-
 def errors(name: str) -> tuple[Floats, Floats]:
     """(n,) errors of all rows of many scenes in their sigmas; and (n,) sigmas over that stated."""
     found, share = [], []
     for seed in range(TRIALS):
         scene, truth = known_scene(seed, name)
-        adjustment = adjusted(scene)
+        adjustment = adjust_from_truth(scene)
+        assert adjustment is not None
         rows = compute_known_rows(adjustment.problem, adjustment.state, scene.survey.known)
         sigma = np.sqrt(adjustment.minimum.factor.variances(rows.columns, rows.gradient))
         found.append((rows.value - truth) / sigma)

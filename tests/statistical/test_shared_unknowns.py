@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from adjusted_scenes import adjust_from_truth
 from scenes import make_scene
 from scipy.stats import chi2
 
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.geometry.motion import camera_motion as telemetry_pose
 from uavgram.model.arrays import Floats
-from uavgram.model.options import SolveOptions
-from uavgram.stages.refine import refine
 
 pytestmark = pytest.mark.statistical
 
@@ -29,7 +28,8 @@ def found_and_true(name: str, trials: int = TRIALS) -> tuple[Floats, Floats]:
         scene = make_scene(
             500 + seed, frames=8, labels=9, lines=0, control=5, sources=(name, "pixels")
         )
-        adjustment = refine(scene.survey, SolveOptions())[0].adjustment
+        adjustment = adjust_from_truth(scene)
+        assert adjustment is not None
         first = adjustment.problem.layout.first_telemetry + part.start
         covariance = adjustment.shared_covariance(first, part.stop - part.start)
         error = adjustment.state.telemetry[part] - scene.truth.telemetry[part]
@@ -51,15 +51,14 @@ def test_a_planted_value_is_found_within_its_sigma(name: str) -> None:
     assert not off_bounds(squares, gain.shape[1])
 
 
-def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def without_drift(shared: Floats, time_s: Floats, middle_s: float) -> Floats:  # noqa: ARG001
-        corrected: Floats = time_s - shared[telemetry_pose.CLOCK]
-        return corrected
+def test_a_drift_applied_twice_breaks_the_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = telemetry_pose.correct_time
 
-    monkeypatch.setattr(
-        "uavgram.estimation.survey.observations.telemetry.correct_time", without_drift
-    )
+    def twice(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
+        doubled = shared.copy()
+        doubled[TELEMETRY_PARTS["clock_drift"]] *= 2.0
+        return right(doubled, time_s, middle_s)
+
+    monkeypatch.setattr("uavgram.estimation.survey.observations.telemetry.correct_time", twice)
     squares, _ = found_and_true("clock_drift", trials=5)
     assert off_bounds(squares, 1)

@@ -38,7 +38,7 @@ class PageOpener:
 
         def said(message: ConsoleMessage) -> None:
             if message.type == "error":
-                self.errors.append(message.text)
+                self.errors.append(f"{message.text} {message.location.get('url', '')}")
 
         def asked(request: Request) -> None:
             if not home.match(request.url):

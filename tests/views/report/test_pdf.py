@@ -302,8 +302,7 @@ VARIANTS: dict[str, survey.Variant] = {
 }
 
 
-@pytest.mark.parametrize("paper", ["a4", "letter"])
-@pytest.mark.parametrize("kind", ["short", "red"])
+@pytest.mark.parametrize(("kind", "paper"), [("short", "a4"), ("red", "letter")])
 @pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
 def test_no_page_of_other_surveys_is_half_empty(
     variant: survey.Variant, kind: str, paper: Paper, tmp_path: Path

@@ -20,7 +20,7 @@ from uavgram.model.result.result import Result
 from uavgram.views.field_sheet import field_sheet
 from uavgram.views.survey.drawing import Drawing, Look, Sign
 
-SURVEYS = 4
+SURVEYS = 3
 
 
 @pytest.fixture(scope="module", params=range(SURVEYS))

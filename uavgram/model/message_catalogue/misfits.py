@@ -91,7 +91,7 @@ MISFITS = (
         "telemetry-strained",
         WARNING,
         finding="A photo has another position or direction than the log gives.",
-        action="Check its picks, its time and the gimbal.",
+        action="Check its picks, its time, and how the camera hung (mount or gimbal).",
         effect=Effect.DISPLACED,
         order=Order.SUSPECT,
         one="{frames} is not where the flight log has it.",

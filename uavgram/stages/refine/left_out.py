@@ -199,15 +199,15 @@ def report_poses_left_out(refined: Refined) -> Iterator[Message]:
             "warning",
             "telemetry-strained",
             f"Photo {frame!r} is not where the log has it: all other observations place it {how}. "
-            "The log's position and direction of it hardly count. Check its picks, its time, the "
-            "gimbal and its zoom.",
+            "The log's position and direction of it hardly count. Check its picks, its time, how "
+            "the camera hung (mount or gimbal) and its zoom.",
             frames=(frame,),
             several=MessagePlural(
                 "{count} photos are not where the log has them: all other observations place them "
                 "elsewhere",
                 f"{frame!r} ({how})",
-                ending="The log's positions and directions of them hardly count. Check the picks, "
-                "the times, the gimbal and the zoom of these photos.",
+                ending="The log's positions and directions of them hardly count. Check the picks "
+                "and times of these photos, how the camera hung (mount or gimbal) and its zoom.",
             ),
         )
 

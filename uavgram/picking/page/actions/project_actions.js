@@ -1,5 +1,6 @@
 // Actions on the project as a whole: export, calibration, reloading.
 
+import { store } from "../connection/store.js";
 import { goOn, send } from "../door/server.js";
 import { boardText } from "../panel/camera.js";
 
@@ -9,14 +10,15 @@ import { boardText } from "../panel/camera.js";
 /** @import { PageState } from "./page_state.js" */
 
 export class ProjectActions {
-  /** @param {{ state: PageState, link: Link, notice: Notice, settle: () => boolean, showPanel: () => void, written: () => void }} needs settle: takes the open form, as the next click does */
-  constructor({ state, link, notice, settle, showPanel, written }) {
+  /** @param {{ state: PageState, link: Link, notice: Notice, settle: () => boolean, showPanel: () => void, written: () => void, stays: () => void }} needs settle: takes the open form, as the next click does; stays: loads what was not asked for while the project was to be closed */
+  constructor({ state, link, notice, settle, showPanel, written, stays }) {
     this.state = state;
     this.link = link;
     this.notice = notice;
     this.settle = settle;
     this.showPanel = showPanel;
     this.written = written;
+    this.stays = stays;
   }
 
   // Returns the answer; undefined if it is refused or fails, which is shown.
@@ -48,11 +50,14 @@ export class ProjectActions {
   async leave(to) {
     if (!this.settle()) return;
     await this.link.confirmed();
+    store.closing = true;
     try {
       await send(`/door/close?to=${to}`, {});
       goOn();
     } catch (fault) {
+      store.closing = false;
       this.notice.fault(fault);
+      this.stays();
     }
   }
 

@@ -46,6 +46,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Live["mode"] | "waiting"} mode
  * @property {boolean} connected
  * @property {boolean} waits whether the numbers have been older than the picks for so long that this is shown
+ * @property {boolean} closing this page closes the project, whose photos it requests no more
  * @property {boolean} gone not connected for so long that this is shown
  * @property {string} fault
  */
@@ -92,6 +93,7 @@ export const store = {
   mode: "waiting",
   connected: false,
   waits: false,
+  closing: false,
   gone: false,
   fault: "",
 };

@@ -86,6 +86,7 @@ export class Filmstrip {
 
   // Loads the small pictures once a photo is complete, which they would have delayed.
   loadThumbnails() {
+    if (store.closing) return;
     for (const picture of this.box.querySelectorAll("img")) if (!picture.hasAttribute("src")) picture.src = picture.dataset.src ?? "";
   }
 

@@ -77,6 +77,7 @@ function trim() {
 }
 
 function next() {
+  if (store.closing) return;
   const lists = [...panes.values()].map(({ keys }) => keys);
   for (let rank = 0; under.size < AT_ONCE; rank += 1) {
     const row = lists.filter((list) => rank < list.length).map((list) => list[rank]);
