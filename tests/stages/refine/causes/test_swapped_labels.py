@@ -52,12 +52,14 @@ def test_two_labels_that_changed_places_in_one_of_two_photos_are_told_and_put_ba
     assert correct_survey(wrong, cause.mend).pick_label.tolist() == survey.pick_label.tolist()
 
 
-@pytest.mark.parametrize("seed", [21, 22, 23])
-def test_two_labels_swapped_in_the_only_photo_are_found_among_all_pairs(
-    scene_factory: Callable[..., Scene], seed: int
+@pytest.mark.parametrize(
+    ("photos", "converges", "seed"), [(1, True, 21), (1, True, 22), (1, True, 23), (4, False, 24)]
+)
+def test_two_labels_swapped_in_all_photos_are_found_where_the_places_of_points_are_of_no_use(
+    scene_factory: Callable[..., Scene], photos: int, seed: int, *, converges: bool
 ) -> None:
-    """Lengths between wrong labels distort the pose, and so the places of all points."""
-    options = {"frames": 1, "labels": 10, "lines": 7, "spread": 6.0, "tilt": 0.5}
+    """Lengths between wrong labels distort the pose of one photo, or there is no minimum."""
+    options = {"frames": photos, "labels": 10, "lines": 7, "spread": 6.0, "tilt": 0.5}
     survey = scene_factory(seed, telemetry=False, gauge="plane", **options).survey
     survey = replace(survey, line_name=tuple(f"L{k}" for k in range(len(survey.line_start))))
     number = np.bincount(np.append(survey.line_start, survey.line_end), minlength=10)
@@ -70,7 +72,10 @@ def test_two_labels_swapped_in_the_only_photo_are_found_among_all_pairs(
     taking = Participants(
         wrong, np.ones(len(label), dtype=np.bool_), np.zeros(7, dtype=np.bool_), {}
     )
-    diagnosis = Diagnosis(taking, find_best_minima(taking))
+    refined = find_best_minima(taking)
+    minimum = replace(refined.adjustment.minimum, converged=converges)
+    refined = replace(refined, adjustment=replace(refined.adjustment, minimum=minimum))
+    diagnosis = Diagnosis(taking, refined)
     best = max(propose_swapped_everywhere(diagnosis), key=lambda one: one.promise)
     assert best.mend is not None
     assert correct_survey(wrong, best.mend).pick_label.tolist() == survey.pick_label.tolist()

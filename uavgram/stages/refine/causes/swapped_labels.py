@@ -47,7 +47,8 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     labels = len(diagnosis.adjustment.survey.label)
     is_single = len(np.unique(survey.pick_frame[find_usable_picks(diagnosis.taking)])) == 1
     wrong = _mark_wrong_lengths(diagnosis)
-    if is_single:
+    # Points of a single photo, or of an adjustment without a minimum, are of no use.
+    if is_single or not diagnosis.adjustment.minimum.converged:
         ranked = _rank_by_other_poses(diagnosis)
     else:
         ranked = _rank_by_places(diagnosis, np.flatnonzero(wrong))
@@ -104,17 +105,20 @@ def _rank_by_places(diagnosis: Diagnosis, wrong: Ints) -> list[tuple[tuple[int, 
 
 
 def _rank_by_other_poses(diagnosis: Diagnosis) -> list[tuple[tuple[int, int], float]]:
-    """List pairs of labels of the only photo whose exchange lets all lengths fit in some pose.
+    """List pairs of labels whose exchange lets all lengths of a photo fit in some pose.
 
     Lengths between wrong labels distort the pose of a single photo, and so all of its points. Hence
-    each exchange gets a pose of its own: all are estimated together, as if each were a photo.
+    each exchange gets a pose of its own: all are estimated together, as if each were a photo. Of
+    several photos, the one with most picks is used.
 
     Returns
     -------
     The best pairs, and the expected decrease of the sum of squares.
     """
     survey = diagnosis.survey
-    picks = np.flatnonzero(find_usable_picks(diagnosis.taking))
+    usable = find_usable_picks(diagnosis.taking)
+    usable &= survey.pick_frame == np.bincount(survey.pick_frame[usable]).argmax()
+    picks = np.flatnonzero(usable)
     shown = np.unique(survey.pick_label[picks])
     ends = np.intersect1d(shown, np.union1d(survey.line_start, survey.line_end))
     if not len(ends) or len(shown) > MAX_LABELS:
