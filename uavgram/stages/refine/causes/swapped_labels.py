@@ -309,14 +309,18 @@ def _swapped_everywhere_message(
     one = len(lines) == 1
     alone = f", or the length{which} is between other points" if one else ""
     fit = f"{'The length' if one else f'{len(lines)} lengths'}{which} {'fits' if one else 'fit'}"
+    is_only = len(survey.frame_id) == 1
+    where = f"in {survey.frame_id[0]!r}" if is_only else "in all photos"
+    there = "there" if is_only else "everywhere"
     return Message(
         "warning",
         "labels-swapped-everywhere",
-        f"The labels {first!r} and {second!r} seem to be swapped in all photos{alone}: look which "
-        f"point is which, and swap the labels everywhere. {fit} then.",
+        f"The labels {first!r} and {second!r} seem to be swapped {where}{alone}: look which point "
+        f"is which, and swap the labels {there}. {fit} then.",
         frames=tuple(survey.frame_id[k] for k in frames),
         labels=(first, second),
         lengths=names,
+        plain=f"{first} and {second} seem swapped." if is_only else "",
         several=MessagePlural(
             "{count} pairs of labels seem to be swapped in all photos",
             f"{first!r} and {second!r}",
