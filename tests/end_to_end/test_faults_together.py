@@ -91,7 +91,7 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: F
     assert (said.level, said.frames, set(said.labels)) == ("info", (swapped,), set(labels))
     for label in labels:
         assert f"{label!r} in {swapped!r}" in said.text
-    assert "all other observations contradict it" in said.text
+    assert "it fits under another label of its photo" in said.text
     assert dict(zip(result.frames.frame_id, result.frames.status, strict=True))[swapped] == (
         "refined"
     )

@@ -201,7 +201,8 @@ def _explain_loss(name: str, photos: Sequence[Path], free: Set[str]) -> str:
     for folder in {path.parent for path in photos}:
         if known := unread_format(folder / name):
             return f": it is a {known.name}; {known.way_out}"
-    near = suggest_spelling(name, sorted(free))
+    alike = {other for other in names if other.casefold() == name.casefold()}
+    near = suggest_spelling(name, sorted(alike or free))
     return f"{f' ({near})' if near else ''}: copy it back to the others"
 
 
