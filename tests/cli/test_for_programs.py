@@ -37,8 +37,8 @@ def test_a_verdict_that_is_as_bad_fails_and_the_results_are_written(
 ) -> None:
     with (project / "lines.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    for k, row in enumerate(rows):  # a third of the lengths is wrong: nothing can be told from it
-        row["length_m"] = str(float(row["length_m"]) + 1.5 * (k % 3 == 0))
+    for row in rows:  # all 6 % too long: nothing shows whether the log is wrong instead
+        row["length_m"] = str(float(row["length_m"]) * 1.06)
     with (project / "lines.csv").open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, rows[0])
         writer.writeheader()
