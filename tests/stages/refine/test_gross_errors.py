@@ -354,6 +354,17 @@ def test_a_scene_without_a_scale_explains_nothing() -> None:
     assert found.refined.adjustment.state.center[:, 2].min() > 1.0
 
 
+def test_where_no_explanation_keeps_a_scale_the_ordinary_adjustment_remains(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As where the readings of two lengths were exchanged, and all others seem wrong with them."""
+    monkeypatch.setattr(gross_errors.Candidate, "has_scale", lambda _: False)
+    taking = all_of(survey_with("length by 2 m", NO_LOG, 1)[1].survey)
+    found = adjust_robustly(taking)
+
+    assert not any(left_out(found))
+
+
 def test_what_takes_no_part_is_no_cheaper_because_it_agrees(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

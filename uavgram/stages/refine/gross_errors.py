@@ -494,7 +494,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
         for candidate in search(taking, found):
             found = _sort_by_cost(taking, [*found, candidate])
             is_sure = candidate.is_agreed() and candidate.keeps_lengths(taking)
-            if found[0] is candidate and is_sure:
+            if is_sure and found and found[0] is candidate:
                 return found[:1]
         # Without references, or with other gross errors, something else may be wrong: search on.
         if search is _try_without_references or found[:1] == best or not found[0].explains():
