@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
-from trust_conditions import BASES, CONDITIONS, STRIP, draw
-from trust_faults import FAULTS, accepts, accused_rightly, is_accusation
+from trust_conditions import BASES, CONDITIONS, STRIP, World, draw
+from trust_faults import FAULTS, accepts, accused_rightly, is_accusation, swapped_everywhere
 from trust_oracle import oracle_sigmas
 from trust_world import (
     HOME,
@@ -257,3 +257,22 @@ def test_wrong_picks_of_a_single_photo_accuse_no_length(world: str) -> None:
     first = judged(survey, case)["reasons"][0]
     assert first["cause"] == "labels-swapped-everywhere"
     assert set(first["labels"]) == survey.wrong["labels"]
+
+
+@pytest.mark.parametrize(
+    ("lengths", "log", "seed"),
+    [(4, None, 5), (4, None, 8), (5, None, 1), (5, None, 3), (5, None, 10), (4, "gps", 4)],
+)
+def test_labels_swapped_at_few_lengths_of_a_photo_spoil_nothing(
+    lengths: int, log: str | None, seed: int
+) -> None:
+    """Where a wrong length would explain as much, the sigma contains the exchange of labels."""
+    rng = np.random.default_rng([lengths, seed])
+    world = World(log=log, lengths=(lengths, lengths), taped=(6, 6), tilt_deg=(5, 40), clicks=2)
+    survey = draw(world, rng)
+    swapped_everywhere(survey, rng)
+    row = judged(survey, {"world": "few", "fault": "swapped_all", "seed": seed})
+    named = {label for one in row["reasons"] for label in one["labels"]}
+    assert named >= survey.wrong["labels"]
+    assert row["level"] == "amber"
+    assert max(map(abs, zs(row))) < 3.5

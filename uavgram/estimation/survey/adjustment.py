@@ -20,6 +20,7 @@ from uavgram.estimation.survey.observations.sightings import compute_readout_mot
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Message
 from uavgram.model.result.reliability import Noise
 from uavgram.model.survey import Cause, Survey
 
@@ -404,6 +405,8 @@ class Refined:
         Adjustments without one click, by its label, that explain the misfit as well.
     causes
         Explanations of the misfits, likeliest first.
+    possible
+        Mistakes that explain about as much as what was left out, likeliest first.
     explanations
         Solutions without the mistakes that the result does not take into account, those that
         exclude each other in one group; and the solution with all photos mirrored, if the log does
@@ -429,6 +432,7 @@ class Refined:
     rival_lines: frozenset[str] = frozenset()
     rival_clicks: Mapping[str, Adjustment] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
+    possible: tuple[Message, ...] = ()
     explanations: tuple[tuple[Explanation, ...], ...] = ()
     matches_left_out: frozenset[int] = frozenset()
 

@@ -205,7 +205,8 @@ def _left_out(
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
     seen = np.isfinite(seen_m)  # otherwise an end is not adjusted, and has its own message
     out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
-    if out and (refined.rival_lines or refined.rival_clicks or is_mount_open(refined.adjustment)):
+    rivals = refined.rival_lines or refined.rival_clicks or refined.possible
+    if out and (rivals or is_mount_open(refined.adjustment)):
         return (_one_of(refined, lines, out),)
     what = {
         i: explain_length(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out
@@ -256,6 +257,7 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
         which,
         [f"the length {lines.name[i]!r}" for i in out],
         again,
+        others=refined.possible,
         lengths=each,
         labels=clicks or tuple(ends),
         removals=[propose_length_removal([name]) for name in each],

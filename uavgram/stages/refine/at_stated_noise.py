@@ -22,6 +22,7 @@ from uavgram.stages.refine.causes.hypothesis import CONTRADICTING, GROSS_ERROR_L
 from uavgram.stages.refine.causes.identification import (
     SURE_LOG_ODDS,
     IdentifiedCauses,
+    describe_possible,
     identify_causes,
     identify_common_errors,
 )
@@ -137,6 +138,11 @@ def adjust_at_stated_noise(
         for cause, explained in zip(causes, found.explanations, strict=False)
         if not cause.is_accounted and entry_of(cause.message.code).effect is not Effect.RED
     )
+    other = tuple(
+        Explanation(one.after.adjustment, one.odds) for one in found.possible if one.after
+    )
+    explanations = (*explanations, other) if other else explanations
+    refined = replace(refined, possible=describe_possible(found.possible))
     return StatedNoiseAdjustment(
         given, survey, refined, off_ground, causes, explanations, (*left_out, *unseen)
     )

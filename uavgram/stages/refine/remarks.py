@@ -171,7 +171,7 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
     stayed = set(refined.adjustment.survey.frame_id)
     gross = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
     is_alone = len(gross) == 1 and not refined.line_removed.any()
-    has_rivals = is_alone and bool(refined.rival_clicks or refined.rival_lines)
+    has_rivals = is_alone and bool(refined.rival_clicks or refined.rival_lines or refined.possible)
     if has_rivals and survey.frame_id[survey.pick_frame[gross[0]]] in stayed:
         yield _one_of(survey, refined, gross[0])
     for index, reason in sorted(refined.pick_reason.items()):
@@ -228,6 +228,7 @@ def _one_of(survey: Survey, refined: Refined, pick: int) -> Message:
         suspects,
         [left],
         f"Click on {join_names(map(repr, [label, *clicks]))} again, or in another photo{tape}",
+        others=refined.possible,
         frames=[frame],
         labels=[label, *clicks],
         lengths=lengths,

@@ -46,8 +46,8 @@ def code_of(one: JudgedHypothesis | None) -> str | None:
 
 
 def pair(best: JudgedHypothesis, *others: JudgedHypothesis) -> tuple[str | None, str | None]:
-    first, rival = room._choose_with_rival(best, [best, *others])
-    return code_of(first), code_of(rival)
+    first, rivals = room._choose_with_rivals(best, [best, *others])
+    return code_of(first), code_of(rivals[0] if rivals else None)
 
 
 def test_a_tape_is_not_told_first_where_labels_explain_as_much() -> None:

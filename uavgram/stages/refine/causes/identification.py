@@ -142,6 +142,9 @@ class IdentifiedCauses(NamedTuple):
         was not tried.
     wrong
         Picks that the causes prove wrong.
+    possible
+        Mistakes that explain the remaining misfit about as well as wrong readings do, the likeliest
+        first.
     cost
         Cost of the corrected survey, with the prices of the causes.
     fits
@@ -154,6 +157,7 @@ class IdentifiedCauses(NamedTuple):
     freed: tuple[Callable[[Survey], Survey] | None, ...]
     explanations: tuple[tuple[Explanation, ...], ...]
     wrong: frozenset[int] = frozenset()
+    possible: tuple[JudgedHypothesis, ...] = ()
     cost: float = np.inf
     fits: bool = False
     left_out: int = 0
@@ -178,7 +182,12 @@ def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
     diagnosis
         The survey as it is adjusted at the stated noise.
     """
-    return _identify_in_turn(diagnosis)
+    found = _identify_in_turn(diagnosis)
+    if diagnosis.left_out or not found.possible or found.possible[0].odds < 0.0:
+        return found  # what was left out is reported, and what may be wrong instead
+    (message,) = describe_possible(found.possible[:1])
+    cause = Cause(message=message, mend=None, gain=found.possible[0].gain)
+    return found._replace(causes=(*found.causes, cause))
 
 
 def _identify_in_turn(
@@ -188,19 +197,21 @@ def _identify_in_turn(
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     explanations: list[tuple[Explanation, ...]] = []
-    wrong = frozenset[int]()
+    wrong, possible = frozenset[int](), tuple[JudgedHypothesis, ...]()
     stated, price = diagnosis, 0.0
     for _ in range(most):
-        is_asked = needs_cause(diagnosis) or _are_taped_level(diagnosis)
-        found = _find_likeliest(diagnosis, hypotheses) if is_asked else None
-        if found is None:
+        if not needs_cause(diagnosis) and not _are_taped_level(diagnosis):
             break
-        best, rival = found
+        best, others = _find_likeliest(diagnosis, hypotheses)
+        if best is None:
+            possible = () if causes else others
+            break
+        rival = others[0] if others else None
         price += 2.0 * best.hypothesis.price - (0.0 if best.after else best.gain)
         if best.hypothesis.message is not None:
             causes.append(_add_remedies(_cause(best, rival), best, rival, stated.survey))
             freed.append(_choose_release(best, rival))
-            explanations.append(_list_explanations(diagnosis, best, rival))
+            explanations.append(_list_explanations(diagnosis, best, others))
             wrong |= _list_wrong_picks(best, rival)
         if best.after is None:
             break
@@ -211,6 +222,7 @@ def _identify_in_turn(
         tuple(freed),
         tuple(explanations),
         wrong,
+        possible,
         cost=cost,
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
@@ -218,15 +230,16 @@ def _identify_in_turn(
 
 
 def _list_explanations(
-    diagnosis: Diagnosis, best: JudgedHypothesis, rival: JudgedHypothesis | None
+    diagnosis: Diagnosis, best: JudgedHypothesis, rivals: Sequence[JudgedHypothesis]
 ) -> tuple[Explanation, ...]:
     """List the corrected surveys of a cause and its rivals, where they were adjusted."""
-    judged = [best] if rival is None else [best, rival]
-    for mend in best.hypothesis.equal:
-        other = replace(best, hypothesis=Hypothesis(message=None, mend=mend), found=None)
-        judged.append(try_hypothesis(diagnosis, other))
+    judged = [best, *rivals]
+    for one in (best, *rivals):
+        for mend in one.hypothesis.equal:
+            other = replace(one, hypothesis=Hypothesis(message=None, mend=mend), found=None)
+            judged.append(try_hypothesis(diagnosis, other))
     # A rival is reported as just as likely, and an equal correction fits as well.
-    odds = max(best.odds, rival.odds if rival else -np.inf)
+    odds = max(one.odds for one in (best, *rivals))
     return tuple(Explanation(one.after.adjustment, odds) for one in judged if one.after is not None)
 
 
@@ -319,10 +332,19 @@ def _add_alternative(message: Message, sentence: str) -> Message:
     return replace(message, text=text)
 
 
+def describe_possible(possible: Iterable[JudgedHypothesis]) -> tuple[Message, ...]:
+    """Describe hypotheses for people."""
+    described = ((one.hypothesis.message, one.found) for one in possible)
+    return tuple(message(found) for message, found in described if message is not None)
+
+
 def _find_likeliest(
     diagnosis: Diagnosis, hypotheses: Sequence[Proposal] = HYPOTHESES
-) -> tuple[JudgedHypothesis, JudgedHypothesis | None] | None:
-    """Return the likeliest hypothesis, unless chance or noise explains as much; and its rival."""
+) -> tuple[JudgedHypothesis | None, tuple[JudgedHypothesis, ...]]:
+    """Return the likeliest hypothesis, unless chance or noise explains as much; and its rivals.
+
+    Without one, the others are those that explain something and are not unlikely.
+    """
     kinds = [
         _nearly_as_likely(screen_hypotheses(diagnosis, propose(diagnosis)))
         for propose in hypotheses
@@ -345,11 +367,19 @@ def _find_likeliest(
     noisy: Diagnosis | None = None
     for one in sorted(sure, key=lambda one: -one.odds)[:MAX_TRIED_WITH_NOISE]:
         if one.after is not None and not needs_cause(one.after):
-            return _choose_with_rival(one, trials)  # it explains all, without more noise
+            return _choose_with_rivals(one, trials)  # it explains all, without more noise
         noisy = noisy or explain_by_noise(diagnosis)
         if noisy is diagnosis or try_hypothesis(noisy, one).odds > SURE_LOG_ODDS:
-            return _choose_with_rival(one, trials)
-    return None
+            return _choose_with_rivals(one, trials)
+    possible = (
+        one
+        for one in trials
+        if one.after is not None
+        and one.hypothesis.message is not None
+        and -SURE_LOG_ODDS < one.odds <= SURE_LOG_ODDS
+        and one.gain > 2.0 * SURE_LOG_ODDS
+    )
+    return None, tuple(sorted(possible, key=lambda one: -one.odds))
 
 
 def _nearly_as_likely(kind: Sequence[JudgedHypothesis]) -> list[JudgedHypothesis]:
@@ -374,28 +404,27 @@ def _drop_duplicates(
         yield one
 
 
-def _choose_with_rival(
+def _choose_with_rivals(
     best: JudgedHypothesis, trials: Sequence[JudgedHypothesis]
-) -> tuple[JudgedHypothesis, JudgedHypothesis | None]:
-    """Return the hypothesis to report, and another one that leaves no larger misfit.
+) -> tuple[JudgedHypothesis, tuple[JudgedHypothesis, ...]]:
+    """Return the hypothesis to report, and others that leave no larger misfit.
 
     If the observations cannot separate them, one that assumes no wrong tape comes first.
     """
     if best.hypothesis.message is None:
-        return best, None
+        return best, ()
     others = [one for one in trials if one is not best and one.odds > -SURE_LOG_ODDS]
     single = [one for one in others if one.hypothesis.message is None]
     if best.after is not None and any(one.odds > best.odds - SURE_LOG_ODDS for one in single):
-        return max(single, key=lambda one: one.odds), None  # one wrong reading is enough
+        return max(single, key=lambda one: one.odds), ()  # one wrong reading is enough
     rivals = [
         one for one in others if one.hypothesis.message is not None and _does_as_well(one, best)
     ]
-    if not rivals:
-        return best, None
-    rival = max(rivals, key=lambda one: (not _blames_tapes(one), one.odds))
-    if _blames_tapes(best) and not _blames_tapes(rival):
-        return rival, best
-    return best, rival if best.after is not None else None
+    rivals.sort(key=lambda one: (_blames_tapes(one), -one.odds))
+    is_better = bool(rivals) and rivals[0].hypothesis.is_clear and not _blames_tapes(rivals[0])
+    if is_better and _blames_tapes(best):
+        return rivals[0], (best, *rivals[1:])
+    return best, tuple(rivals) if best.after is not None else ()
 
 
 def _does_as_well(one: JudgedHypothesis, best: JudgedHypothesis) -> bool:

@@ -48,24 +48,25 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     is_single = len(np.unique(survey.pick_frame[find_usable_picks(diagnosis.taking)])) == 1
     wrong = _mark_wrong_lengths(diagnosis)
     # Points of a single photo, or of an adjustment without a minimum, are of no use.
-    if is_single or not diagnosis.adjustment.minimum.converged:
+    by_other_poses = is_single or not diagnosis.adjustment.minimum.converged
+    if by_other_poses:
         ranked = _rank_by_other_poses(diagnosis)
     else:
         ranked = _rank_by_places(diagnosis, np.flatnonzero(wrong))
     for (a, b), promise in ranked:
         touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
         lines = np.flatnonzero(touched & (wrong | is_single))
-        # A single length between wrong labels explains as much if no other ends at either.
-        alone = GROSS_ERROR_LOG_ODDS if touched.sum() < 2 else 0.0
         right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
         right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
         yield Hypothesis(
             message=partial(_swapped_everywhere_message, diagnosis, (a, b), lines),
             mend=SurveyCorrection(label_of_pick=right),
-            is_clear=not alone,
+            # A single length between wrong labels explains as much if no other ends at either.
+            is_clear=touched.sum() > 1,
+            is_of_all=by_other_poses,
             back=spoilt,  # lengths between wrong labels distort everything, including whole photos
             promise=promise,
-            price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
+            price=float(np.log(labels * (labels - 1) / 2.0)),
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
         )
 

@@ -29,9 +29,6 @@ from uavgram.stages.refine.causes.hypothesis import (
 from uavgram.stages.refine.minima import FULL, adjust_on_trial
 from uavgram.stages.refine.noise import estimate_noise
 
-CONTINUED_COST_SHARE = 0.5
-"""Share of the cost below which a trial that did not converge is continued."""
-
 
 @dataclass(frozen=True, eq=False)
 class JudgedHypothesis:
@@ -162,12 +159,8 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
     refined = readjust_corrected(diagnosis, taking, hypothesis)
-    # A correction that explains the misfit, but leads far away, needs more iterations.
-    if (
-        refined is not None
-        and not refined.adjustment.minimum.converged
-        and Diagnosis(taking, refined).cost < CONTINUED_COST_SHARE * diagnosis.cost
-    ):
+    # The corrected survey may be far from the present state: begin from first values.
+    if refined is None or not refined.adjustment.minimum.converged:
         refined = adjust_on_trial(taking, FULL) or refined
     # A freed unknown may end along a valley: its gain is at least that of its present state.
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
