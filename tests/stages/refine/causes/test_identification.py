@@ -76,8 +76,8 @@ def test_a_single_wrong_reading_that_does_as_well_is_told_instead() -> None:
     best = judged("labels", LABELS)
     for odds in (50.0 - SURE_LOG_ODDS + 0.1, 50.0 - SURE_LOG_ODDS - 0.1):
         single = judged("", None, odds=odds)
-        first, rival = room._choose_with_rival(best, [best, single])
-        assert rival is None
+        first, rivals = room._choose_with_rivals(best, [best, single])
+        assert rivals == ()
         assert first is (single if odds > 50.0 - SURE_LOG_ODDS else best)
 
 
@@ -85,7 +85,7 @@ def test_all_tapes_are_not_blamed_where_another_cause_does_as_well() -> None:
     moved = (ObservationChange("lengths", np.array([0]), np.ones((1, 1, 1))),)
     hook = JudgedHypothesis(Hypothesis(message=told_as("hook"), moved=moved), None, 100.0, 50.0)
     for odds in (50.0 - SURE_LOG_ODDS + 0.1, 50.0 - SURE_LOG_ODDS - 0.1):
-        first, _ = room._choose_with_rival(hook, [hook, judged("zoom", LABELS, odds=odds)])
+        first, _ = room._choose_with_rivals(hook, [hook, judged("zoom", LABELS, odds=odds)])
         assert code_of(first) == ("zoom" if odds > 50.0 - SURE_LOG_ODDS else "hook")
 
 
