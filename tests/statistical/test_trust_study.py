@@ -276,3 +276,21 @@ def test_labels_swapped_at_few_lengths_of_a_photo_spoil_nothing(
     assert named >= survey.wrong["labels"]
     assert row["level"] == "amber"
     assert max(map(abs, zs(row))) < 3.5
+
+
+@pytest.mark.parametrize("log", ["gps", None])
+def test_a_wrong_stated_height_in_one_photo_is_not_in_order(log: str | None) -> None:
+    """Clicks that are repeated, and lengths elsewhere, do not show it."""
+    rng = np.random.default_rng(1)
+    world = World(log=log, lengths=(6, 6), taped=(6, 6), marks=(4, 4), clicks=2)
+    survey = draw(world, rng)
+    for pick in survey.picks:
+        if pick.label == "P2":
+            pick.extra |= {"height_m": 0.9, "height_sigma_m": 0.02}
+    row = judged(survey, {"world": "single", "fault": "height_wrong", "seed": 1})
+    assert max(map(abs, zs(row))) > 5.0
+    assert max(map(abs, zs(row, "ok"))) < 3.5
+    assert row["level"] == "amber"
+    assert any(
+        one["cause"] == "nothing-checks" and one["labels"] == ["P2"] for one in row["reasons"]
+    )

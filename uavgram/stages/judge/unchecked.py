@@ -34,6 +34,9 @@ KINDS_NEAR_ZERO = frozenset(
 )
 """Kinds of measurements with a possible value of zero."""
 
+OWN_MESSAGE = ("boresight", "pixels", "heights")
+"""Kinds of observations with a message of their own where nothing checks them."""
+
 INTERVAL_95 = 1.96
 """Half width of an interval of 95 %, in sigmas."""
 
@@ -77,12 +80,12 @@ def _report_unknown(measured: MeasuredValues) -> Iterator[Message]:
 def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
     """Report unchecked measurements, and the readings that would check them.
 
-    One message on those that depend on the camera's assumed direction, one on those that depend on
-    clicks, one on those that depend on lengths, known things and control points; the worst
+    One message on those that depend on the camera's assumed direction, one each on those that
+    depend on clicks, on stated heights, and on lengths, known things and control points; the worst
     measurement gives the numbers. Another one on undetermined measurements.
     """
     yield from _report_unknown(examined.measured)
-    for kind in ("boresight", "pixels", ""):
+    for kind in (*OWN_MESSAGE, ""):
         found = {
             i: [one for one in weakest.unseen if _family(one) == kind]
             for i, weakest in enumerate(examined.weakest)
@@ -96,7 +99,7 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
 
 def _family(unseen: UndetectedError) -> str:
     """Return the kind of readings with a message of its own; empty for all others."""
-    return unseen.member.kind if unseen.member.kind in ("boresight", "pixels") else ""
+    return unseen.member.kind if unseen.member.kind in OWN_MESSAGE else ""
 
 
 def _message(
@@ -115,13 +118,16 @@ def _message(
         )
         plain = "Not checked: the camera's direction. Straight down was assumed."
         numbers = ""  # an error of an unstated direction may have any size
-    elif kind == "pixels":
+    elif kind in ("pixels", "heights"):
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
-        what = f"a wrong click on {join_names(labels, MAX_NAMED, link='or')}"
+        either = join_names(labels, MAX_NAMED, link="or")
+        what = f"a wrong {'click on' if kind == 'pixels' else 'height of'} {either}"
         it = "them" if len(labels) > 1 else "it"
         named = join_names(labels, MAX_NAMED)
         action = f"Mark {named} in one more photo, or click {it} again"
-        if len(examined.adjustment.survey.frame_id) == 1:
+        if kind == "heights":
+            action = f"Mark {named} in one more photo, from another side"
+        elif len(examined.adjustment.survey.frame_id) == 1:
             action = f"Click {named} again, or mark {it} in one more photo"
         plain = f"Not checked: {action[0].lower()}{action[1:]}."
     else:
