@@ -294,3 +294,16 @@ def test_a_wrong_stated_height_in_one_photo_is_not_in_order(log: str | None) -> 
     assert any(
         one["cause"] == "nothing-checks" and one["labels"] == ["P2"] for one in row["reasons"]
     )
+
+
+def test_a_photo_with_the_log_as_its_only_scale_is_not_in_order() -> None:
+    """A height of the log that is 4 m off would not be noticed."""
+    survey = draw(World(lengths=(0, 0), clicks=2), np.random.default_rng(0))
+    assert survey.log is not None
+    survey.log.position = survey.log.position + [0.0, 0.0, 4.0]
+    row = judged(survey, {"world": "single", "fault": "log", "seed": 0})
+    assert zs(row)
+    assert not zs(row, "ok")
+    assert row["reasons"][0]["cause"] == "nothing-checks"
+    assert "(up)" in row["reasons"][0]["text"]
+    assert row["level"] == "amber"

@@ -21,6 +21,7 @@ from uavgram.estimation.reliability.redundancy import (
     compute_level,
     compute_noncentrality,
 )
+from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats, Ints
 
@@ -134,9 +135,11 @@ def compute_external_reliability(
             change, unchecked = _compute_changes(group, rows, measured, significance)
             parts.append(_find_largest(change / sigma, change))
             _find_weakest(kind, rows.start, change, unchecked / sigma, best, weakest)
-            if kind in shown:
-                unseen = _find_undetected(group, rows, measured, shown[kind][rows], significance)
-                _add_undetected(kind, rows.start, *unseen, sigma, weakest)
+            for axes, largest in _list_parts(kind, group) if kind in shown else []:
+                unseen = _find_undetected(
+                    group, rows, axes, largest, measured, shown[kind][rows], significance
+                )
+                _add_undetected(kind, rows.start, axes, *unseen, sigma, weakest)
         worst[kind] = LargestEffects(
             *(np.concatenate(column) for column in zip(*parts, strict=True))
         )
@@ -202,27 +205,48 @@ def _find_weakest(
         weakest[i] = weakest[i]._replace(unchecked=(*weakest[i].unchecked, member))
 
 
-def _find_undetected(
-    group: TestedGroup, rows: slice, measured: MeasuredValues, shown: Floats, significance: float
-) -> tuple[Floats, Floats]:
-    """Compute (n, a, M) undetected errors in sigmas, and (n, M) changes of measurements by them.
+def _list_parts(kind: str, group: TestedGroup) -> list[tuple[Ints, float]]:
+    """List the axes that one mistake may change, such as a position, and its largest size."""
+    axes, units = group.direction.shape[2], get_kind(kind).units
+    unit = np.array(units if len(units) == axes else units[:1] * axes)
+    return [
+        (np.flatnonzero(unit == one), np.pi if one == "deg" else np.inf)
+        for one in dict.fromkeys(unit.tolist())
+    ]
 
-    Each is in the direction that moves the measurement most.
+
+def _find_undetected(
+    group: TestedGroup,
+    rows: slice,
+    axes: Ints,
+    largest: float,
+    measured: MeasuredValues,
+    shown: Floats,
+    significance: float,
+) -> tuple[Floats, Floats]:
+    """Compute (n, p, M) undetected errors in sigmas, and (n, M) changes of measurements by them.
+
+    Each is in the direction that moves the measurement most, among those of some axes (p,), and no
+    larger than `largest`.
     """
     # Largest effect at the bound of detection: delta0 sqrt(g^T Q^-1 g), by the error delta0 Q^-1 g
-    # / sqrt(g^T Q^-1 g).
+    # / sqrt(g^T Q^-1 g), with effects g and cofactors Q of the axes.
     bound = compute_noncentrality(compute_level(significance, group.tests))
-    response = group.block.times(rows, measured.solved)
-    # `MAX_ERROR_SIGMAS` bounds the error where it shows in no test at all.
-    limited = shown + (bound / MAX_ERROR_SIGMAS) ** 2 * np.eye(shown.shape[1])
-    along = np.linalg.solve(limited, response)
-    size = np.sqrt(np.maximum(np.sum(response * along, axis=1), 0.0))
-    return bound * along / np.where(size > 0, size, 1.0)[:, None], bound * size
+    along = group.direction[rows][:, :, axes].swapaxes(1, 2)
+    response = along @ group.block.times(rows, measured.solved)
+    # The largest possible error bounds it where it shows in no test at all.
+    most = np.minimum(largest / group.scale[rows][:, axes], MAX_ERROR_SIGMAS)
+    limited = along @ shown @ along.swapaxes(1, 2)
+    limited = limited + (bound / most)[:, :, None] ** 2 * np.eye(len(axes))
+    error = np.linalg.solve(limited, response)
+    size = np.sqrt(np.maximum(np.sum(response * error, axis=1), 0.0))
+    return bound * error / np.where(size > 0, size, 1.0)[:, None], bound * size
 
 
 def _add_undetected(
     kind: str,
     first: int,
+    axes: Ints,
     error: Floats,
     change: Floats,
     sigma: Floats,
@@ -230,6 +254,6 @@ def _add_undetected(
 ) -> None:
     for row, i in np.argwhere(change > UNDETECTED_SIGMAS * sigma).tolist():
         own = error[row, :, i]
-        member = Member(kind, first + row, int(np.abs(own).argmax()))
+        member = Member(kind, first + row, int(axes[np.abs(own).argmax()]))
         found = UndetectedError(member, float(np.linalg.norm(own)), float(change[row, i]))
         weakest[i] = weakest[i]._replace(unseen=(*weakest[i].unseen, found))

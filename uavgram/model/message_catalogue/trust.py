@@ -31,13 +31,17 @@ TRUST = (
             "A single wrong reading could change this measurement by more than 10 of its sigmas, "
             "and no test would show it."
         ),
-        consequence="A wrong tape reading or a wrong click goes into the result unnoticed.",
+        consequence=(
+            "A wrong tape reading, a wrong click, a wrong stated height or a wrong position of the "
+            "log goes into the result unnoticed."
+        ),
         action=(
             "Follow the message. A click is checked by a click of the same point in "
             'another photo, by a second click in the same photo ("Click again" on the picking '
             "page, or a second row in picks.csv), by a coded target, or by a length, another known "
             "value, a control point or a withheld check at that point. A match is no check: it "
-            "repeats the click that it was found from. A direction of the camera that is only "
+            "repeats the click that it was found from. A stated height is checked by another photo, "
+            "a position of the log by lengths or other photos. A direction of the camera that is only "
             "assumed is checked by several photos or lengths; better state it in `mount`."
         ),
         effect=Effect.UNCHECKED,

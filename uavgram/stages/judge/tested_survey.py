@@ -33,8 +33,8 @@ from uavgram.stages.judge.checks import Withheld
 MIN_MOUNT_REDUNDANCY = 0.5
 """Redundancy of the camera's assumed direction above which the photos determine it."""
 
-STATED = (*READINGS, "heights")
-"""Kinds of observations that people state, and may misread."""
+STATED = (*READINGS, "heights", "telemetry")
+"""Kinds of observations of which a single one may be wrong by any amount."""
 
 CERTAIN_COFACTOR = 1e12
 """Cofactor of a reading without the possibility of a gross error."""
