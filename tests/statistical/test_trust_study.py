@@ -300,7 +300,7 @@ def test_a_photo_with_the_log_as_its_only_scale_is_not_in_order() -> None:
     """A height of the log that is 4 m off would not be noticed."""
     survey = draw(World(lengths=(0, 0), clicks=2), np.random.default_rng(0))
     assert survey.log is not None
-    survey.log.position = survey.log.position + [0.0, 0.0, 4.0]
+    survey.log.position[:, 2] += 4.0
     row = judged(survey, {"world": "single", "fault": "log", "seed": 0})
     assert zs(row)
     assert not zs(row, "ok")

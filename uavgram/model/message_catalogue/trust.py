@@ -40,9 +40,10 @@ TRUST = (
             'another photo, by a second click in the same photo ("Click again" on the picking '
             "page, or a second row in picks.csv), by a coded target, or by a length, another known "
             "value, a control point or a withheld check at that point. A match is no check: it "
-            "repeats the click that it was found from. A stated height is checked by another photo, "
-            "a position of the log by lengths or other photos. A direction of the camera that is only "
-            "assumed is checked by several photos or lengths; better state it in `mount`."
+            "repeats the click that it was found from. A stated height is checked by another "
+            "photo, a position of the log by lengths or other photos. A direction of the camera "
+            "that is only assumed is checked by several photos or lengths; better state it in "
+            "`mount`."
         ),
         effect=Effect.UNCHECKED,
         order=Order.UNCHECKED,
