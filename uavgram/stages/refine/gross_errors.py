@@ -25,6 +25,7 @@ from uavgram.estimation.reliability.redundancy import (
     GROSS_SIGMAS,
     MAX_GROSS_SHARE,
     compute_cofactors,
+    compute_core_fit,
     reduce_squares,
 )
 from uavgram.estimation.reliability.stated_values import explain_length
@@ -273,6 +274,8 @@ def _is_in_order(taking: Participants, refined: Refined) -> bool:
     """Return whether an ordinary adjustment uses all observations and has no large misfit."""
     adjustment = refined.adjustment
     if not adjustment.minimum.converged or len(refined.pick_reason) > len(taking.reason):
+        return False
+    if compute_core_fit(adjustment).probability < MISFIT_PROBABILITY:
         return False
     squares = compute_squared_misfits(adjustment.problem, adjustment.minimum, {})
     return all(square.max(initial=0.0) < ORDINARY_SIGMAS**2 for square in squares.values())

@@ -174,15 +174,20 @@ ZOOM_SIGMA, CENTRE_SIGMA, LENS_SIGMA = 0.4, 0.1, 0.2
 """Prior sigmas of a useless camera file: of the factor of both focal lengths, of the principal
 point as a share of the photo's width, and of the first two coefficients of the distortion."""
 
+LARGEST_COPY = 0.8
+"""Largest size of a copy of a photo, as a share of the photo's; no pick of it lies beyond."""
+
 MIN_SHARE_OF_CAMERA = 1e-5
 """Least share of another camera that has to show in the residuals, as calibrations are exact."""
 
 
 def propose_other_zoom_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose another focal length than in the camera file, or photos of another size."""
+    """Propose another focal length than in the camera file, or picks in smaller copies."""
     stated = diagnosis.survey.calibration
     yield from _propose_camera(diagnosis, zoom_direction(stated)[:, None], other_zoom_message)
-    yield from _propose_camera(diagnosis, _size_direction(stated)[:, None], _other_size_message)
+    reach = diagnosis.survey.pixel_px[diagnosis.taking.keep] / [stated.width_px, stated.height_px]
+    if reach.max() < LARGEST_COPY:
+        yield from _propose_camera(diagnosis, _size_direction(stated)[:, None], _other_size_message)
 
 
 def propose_other_camera_file(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
