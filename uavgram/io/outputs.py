@@ -310,10 +310,6 @@ def name_newer(path: Path) -> Path:
     return path.with_name(f"{path.stem}.newer{path.suffix}")
 
 
-ELSEWHERE_ON_PAGE = "copy the photos to a folder in which you may write, and open that"
-"""Action on the page, where nobody names a folder for results."""
-
-
 @contextmanager
 def convert_output_errors(folder: Path, option: str = "--output") -> Iterator[None]:
     """Convert failures to write below `folder` to errors that name the option for another one."""
@@ -323,25 +319,24 @@ def convert_output_errors(folder: Path, option: str = "--output") -> Iterator[No
     except OSError as fault:
         name = os.fspath(fault.filename) if fault.filename is not None else ""
         is_ours = isinstance(name, str) and Path(name).is_relative_to(folder)
-        elsewhere, there = f"choose another folder with {option}", ELSEWHERE_ON_PAGE
+        elsewhere = f"choose another folder with {option}"
         if fault.errno in _FULL:
             why = "the disk is full"
-            elsewhere, there = f"free some space, or {elsewhere}", "free some space, and try again"
+            elsewhere = f"free some space, or {elsewhere}"
         elif is_ours and sys.platform == "win32" and len(name) > _MOST_LETTERS:
             why = (
                 f"a path of {len(name)} letters is too long for Windows as it is set here ({name})"
             )
             elsewhere = f"choose a folder with a shorter path with {option}"
-            there = "copy the photos to a folder with a shorter path, and open that"
         elif is_ours and isinstance(fault, PermissionError) and fault.filename2 is not None:
             why = f"{fault.filename2} may not be replaced"
-            elsewhere = there = "if another program has it open, close it"
+            elsewhere = "if another program has it open, close it"
         elif is_ours or name in {str(parent) for parent in folder.parents}:
             why = f"{fault.strerror} ({name})"
         else:
             raise
         raise OutputError(
-            f"{folder}: cannot write results, earlier ones are untouched; {why}", elsewhere, there
+            f"{folder}: cannot write results, earlier ones are untouched; {why}; {elsewhere}"
         ) from fault
 
 

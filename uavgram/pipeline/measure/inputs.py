@@ -561,6 +561,6 @@ def _suggest_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> 
     name = Path(camera).stem
     return (
         "if they are the same images made larger or smaller, make a camera file of their size: "
-        f"uavgram camera {camera} --size {size} --output {name}_{size}.yaml; else give the camera "
-        "file of this camera and resolution, or leave these photos out"
+        f"`uavgram camera {camera} --size {size} --output {name}_{size}.yaml`; else give the "
+        "`camera` file of this camera and resolution, or leave these photos out"
     )
