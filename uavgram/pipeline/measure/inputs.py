@@ -436,7 +436,11 @@ def find_project_duplicates(inputs: Inputs) -> Duplicates:
     path = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
     tables = inputs.picks, inputs.lines, inputs.known
     return find_duplicates(
-        inputs.photos, sha256, *tables, lambda one, other: _is_same(path[one], path[other])
+        inputs.photos,
+        sha256,
+        *tables,
+        lambda one, other: _is_same(path[one], path[other]),
+        inputs.project.picks_sigma_px,
     )
 
 
