@@ -29,6 +29,9 @@ MOST_FAULTS_SHOWN = 20
 class UavgramError(Exception):
     """Problem that the user can solve; the message gives finding, place and action."""
 
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+
 
 class InputError(UavgramError):
     """Invalid input file.
