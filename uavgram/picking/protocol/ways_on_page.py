@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
+from typing import get_type_hints
 
 from uavgram.config.project import PROJECT_FILE
 from uavgram.model.naming import join_names
@@ -46,12 +47,8 @@ WAYS = tuple(
 
 _COMMAND = re.compile(r"`uavgram [^`]+`|(?<![\w-])--[a-z][\w-]+")
 
-_KEYS = [field.name for field in fields(Project)]
-_SECTIONS = [
-    field.name
-    for field in fields(Project)
-    if isinstance(field.default_factory, type) and is_dataclass(field.default_factory)
-]
+_KEYS = get_type_hints(Project)
+_SECTIONS = [key for key, kind in _KEYS.items() if is_dataclass(kind)]
 _SETTING = re.compile(
     rf"`(?P<quoted>(?:{'|'.join(_KEYS)})(?:\.\w+)?)(?::[^`]*)?`"
     rf"|\b(?P<plain>(?:{'|'.join(_SECTIONS)})\.[a-z]\w+|{'|'.join(k for k in _KEYS if '_' in k)})\b"
