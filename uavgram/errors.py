@@ -29,10 +29,8 @@ MOST_FAULTS_SHOWN = 20
 class UavgramError(Exception):
     """Problem that the user can solve; the message gives finding, place and action."""
 
-    @property
-    def on_page(self) -> str:
-        """The message on the page, whose user sees no options of the command line."""
-        return str(self)
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
 
 
 class InputError(UavgramError):
@@ -82,26 +80,7 @@ class GeometryError(UavgramError):
 
 
 class OutputError(UavgramError):
-    """Result that could not be written; earlier results are unchanged.
-
-    Parameters
-    ----------
-    message
-        Finding.
-    way_out
-        Action on the command line, as a clause.
-    way_out_on_page
-        Action on the page, where it differs.
-    """
-
-    def __init__(self, message: str, way_out: str = "", way_out_on_page: str = "") -> None:
-        self._on_page = f"{message}; {way_out_on_page or way_out}".removesuffix("; ")
-        super().__init__(f"{message}; {way_out}".removesuffix("; "))
-
-    @property
-    def on_page(self) -> str:
-        """The message with the action on the page."""
-        return self._on_page
+    """Result that could not be written; earlier results are unchanged."""
 
 
 # Letters that look alike in lower case, including Cyrillic and Greek ones.

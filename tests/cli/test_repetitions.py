@@ -65,6 +65,50 @@ def test_a_copied_photo_with_the_picks_of_its_original(
     assert f"{copy} is the same file as {photo}" in command("check", project.path).stdout
 
 
+def picked_in_a_copy(project: Project, of: int, picked_as: int) -> tuple[str, str]:
+    """Copy a photo, and click in the copy on the places of a photo's picks, with own errors."""
+    rows = list(csv.DictReader((project / "picks.csv").read_text().splitlines()))
+    names = sorted({row["image"] for row in rows})
+    copy = "zz_copy.jpg"
+    shutil.copy(project / "photos" / names[of], project / "photos" / copy)
+    draw = np.random.default_rng(3)
+    for row in [row for row in rows if row["image"] == names[picked_as]]:
+        place = {key: f"{float(row[key]) + draw.normal(0, 0.7):.3f}" for key in ("u_px", "v_px")}
+        rows.append(row | place | {"image": copy})
+    with (project / "picks.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, rows[0])
+        table.writeheader()
+        table.writerows(rows)
+    return names[of], copy
+
+
+def test_clicks_in_a_copied_file_are_repeats(project: Project, alone: Result) -> None:
+    picked_in_a_copy(project, 1, 1)
+    result = uavgram.run(project.path, output=None)
+    assert result.verdict.level == alone.verdict.level
+    assert "copies-contradict" not in {message.code for message in result.messages}
+    assert (result.measurements.sigma <= 1.02 * alone.measurements.sigma).all()
+    off = (result.measurements.value - alone.measurements.value) / alone.measurements.sigma
+    assert np.abs(off).max() < 2.0
+
+
+def test_picks_of_another_photo_in_a_copied_file_bend_nothing(project: Project) -> None:
+    """As without picks in that photo; both files and the labels are named."""
+    photo, copy = picked_in_a_copy(project, 1, 2)
+    result = uavgram.run(project.path, output=None)
+    (said,) = [m for m in result.messages if m.code == "copies-contradict"]
+    assert said.frames == (photo, copy)
+    assert "'R2', 'R6', 'P1'" in said.text
+    assert any(said.text.startswith(reason.text) for reason in result.verdict.reasons)
+    rows = (project / "picks.csv").read_text().splitlines()
+    kept = [row for row in rows if not row.startswith((photo, copy))]
+    (project / "picks.csv").write_text("\n".join(kept) + "\n")
+    without = uavgram.run(project.path, output=None)
+    same(result, without)
+    codes = [{message.code for message in one.messages} for one in (result, without)]
+    assert codes[0] - codes[1] == {"copies-contradict"}
+
+
 def saved_anew(project: Project, photo: str, copy: str, *, exif: bool) -> None:
     """The same exposure in another file: compressed again, with the tags or without."""
     encoded = (project / "photos" / photo).read_bytes()

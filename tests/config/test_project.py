@@ -358,7 +358,9 @@ def test_a_file_becomes_absolute_and_auto_stays(tmp_path: Path) -> None:
 def test_a_file_that_is_missing_says_who_makes_it(tmp_path: Path) -> None:
     path = project(tmp_path, "ties: ties.csv\n")
 
-    with pytest.raises(InputError, match=r":4: .*no such file 'ties.csv'.*`uavgram picks ties`"):
+    with pytest.raises(
+        InputError, match=r":4: .*no such file 'ties.csv'.*`ties: auto` to have them found"
+    ):
         load_project(path)
     assert load_project(path, unfinished=True).ties == str(tmp_path / "ties.csv")
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from copy import copy
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -87,6 +88,25 @@ def test_a_failed_first_run_leaves_no_folder(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError):
         run_and_fail(tmp_path / "out", RuntimeError)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+@pytest.mark.parametrize("done", [0, 2, 3])
+def test_a_first_run_that_ends_while_files_are_moved_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, done: int
+) -> None:
+    at, count = (os, os.fsync) if step == "fsync" else (Path, Path.replace), list[int]()
+
+    def ends(*given: Any) -> object:  # noqa: ANN401 (a number, or paths)
+        count.append(1)
+        if len(count) > done:
+            raise KeyboardInterrupt
+        return at[1](*given)
+
+    monkeypatch.setattr(at[0], step, ends)
+    with pytest.raises(KeyboardInterrupt), stage_output(tmp_path / "out") as staging:
+        write_all(staging)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("failure", [OSError(errno.EIO, "I/O"), KeyboardInterrupt()])

@@ -191,3 +191,28 @@ def test_photo10_is_no_copy_of_photo1() -> None:
             is_same=lambda *_: True,
         )
         assert found.photos == ({other: "photo1.jpg"} if is_copy else {})
+
+
+def test_copies_with_picks_of_another_photo_are_named_with_the_labels() -> None:
+    own = [("a.jpg", "A", 1.0, 2.0), ("a.jpg", "B", 3.0, 4.0), ("a.jpg", "C", 9.0, 9.0)]
+    other = [("c.jpg", label, u + 500.0, v) for _, label, u, v in own]
+    exchanged = [("b.jpg", label, u + 0.5, v - 1.0) for _, label, u, v in other]
+    files = {"a.jpg": "x", "b.jpg": "x", "c.jpg": "y"}
+
+    found = find_duplicates(photos(1.0, 1.0, 2.0), files, picks(*own, *exchanged, *other), lines())
+
+    assert found.contradicting == {"a.jpg": "b.jpg", "b.jpg": "a.jpg"}
+    (message,) = found.messages
+    assert (message.frames, message.labels) == (("a.jpg", "b.jpg"), ("A", "B", "C"))
+    assert "Those in b.jpg are at the places of c.jpg." in message.text
+    assert found.reason("a.jpg") == "the same file as b.jpg, which is picked at other places"
+
+
+@pytest.mark.parametrize(("sigma_px", "contradicts"), [(1.0, True), (4.0, False)])
+def test_less_exact_clicks_are_repeats_farther_apart(sigma_px: float, *, contradicts: bool) -> None:
+    rows = picks(("a.jpg", "A", 1.0, 2.0), ("b.jpg", "A", 1.0, 16.0))
+    files = {"a.jpg": "x", "b.jpg": "x"}
+
+    found = find_duplicates(photos(1.0, 1.0), files, rows, lines(), picks_sigma_px=sigma_px)
+
+    assert bool(found.contradicting) == contradicts

@@ -34,7 +34,7 @@ PROJECT_FILE = "project.yaml"
 PICKED_FILES = ("picks", "lines", "measure", "ties")
 """Inputs made by the program, which may be missing in an unfinished project."""
 
-_REMEDIES = {"ties": "; `uavgram picks ties` finds tie points, or write `ties: auto`"}
+_REMEDIES = {"ties": "; write `ties: auto` to have them found"}
 """Remedies for missing files that the program can make."""
 
 FROM_PHOTOS = "exif"

@@ -145,9 +145,8 @@ def check_no_originals(folder: Path, photos: Iterable[str]) -> None:
     """
     if any(Path(path).resolve().parent == folder.resolve() for path in photos):
         raise OutputError(
-            f"{folder}: holds the photos themselves, which are never written to",
-            "choose another folder with --output",
-            "move the photos to a folder of another name, and open that",
+            f"{folder}: holds the photos themselves, which are never written to; choose another "
+            "folder with --output"
         )
 
 

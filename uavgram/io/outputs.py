@@ -310,10 +310,6 @@ def name_newer(path: Path) -> Path:
     return path.with_name(f"{path.stem}.newer{path.suffix}")
 
 
-ELSEWHERE_ON_PAGE = "copy the photos to a folder in which you may write, and open that"
-"""Action on the page, where nobody names a folder for results."""
-
-
 @contextmanager
 def convert_output_errors(folder: Path, option: str = "--output") -> Iterator[None]:
     """Convert failures to write below `folder` to errors that name the option for another one."""
@@ -323,25 +319,24 @@ def convert_output_errors(folder: Path, option: str = "--output") -> Iterator[No
     except OSError as fault:
         name = os.fspath(fault.filename) if fault.filename is not None else ""
         is_ours = isinstance(name, str) and Path(name).is_relative_to(folder)
-        elsewhere, there = f"choose another folder with {option}", ELSEWHERE_ON_PAGE
+        elsewhere = f"choose another folder with {option}"
         if fault.errno in _FULL:
             why = "the disk is full"
-            elsewhere, there = f"free some space, or {elsewhere}", "free some space, and try again"
+            elsewhere = f"free some space, or {elsewhere}"
         elif is_ours and sys.platform == "win32" and len(name) > _MOST_LETTERS:
             why = (
                 f"a path of {len(name)} letters is too long for Windows as it is set here ({name})"
             )
             elsewhere = f"choose a folder with a shorter path with {option}"
-            there = "copy the photos to a folder with a shorter path, and open that"
         elif is_ours and isinstance(fault, PermissionError) and fault.filename2 is not None:
             why = f"{fault.filename2} may not be replaced"
-            elsewhere = there = "if another program has it open, close it"
+            elsewhere = "if another program has it open, close it"
         elif is_ours or name in {str(parent) for parent in folder.parents}:
             why = f"{fault.strerror} ({name})"
         else:
             raise
         raise OutputError(
-            f"{folder}: cannot write results, earlier ones are untouched; {why}", elsewhere, there
+            f"{folder}: cannot write results, earlier ones are untouched; {why}; {elsewhere}"
         ) from fault
 
 
@@ -390,9 +385,8 @@ def _keep_apart(photo_folders: Set[Path], folder: Path) -> None:
     """Refuse to write among the photos: the next run might take a result for one of them."""
     if folder.resolve() in photo_folders:
         raise OutputError(
-            f"{folder}: holds the photos themselves, and nothing is written among them",
-            "choose another folder with --output (or `output` in the project)",
-            "move the photos to a folder of another name, and open that",
+            f"{folder}: holds the photos themselves, and nothing is written among them; choose "
+            "another folder with --output (or `output` in the project)"
         )
 
 
@@ -406,10 +400,8 @@ def _check_targets(
         real = target.resolve()
         if path.is_file() and real in kept:
             raise OutputError(
-                f"{real}: is an input, and a result has the same name; nothing was written",
-                "choose another folder with --output (or `output` in the project), or rename the "
-                "input",
-                "rename the input",
+                f"{real}: is an input, and a result has the same name; nothing was written; choose "
+                "another folder with --output (or `output` in the project), or rename the input"
             )
         if path.is_dir():
             _keep_apart(photo_folders, target)
@@ -428,25 +420,29 @@ def _commit(staging: Path, folder: Path) -> None:
         key=lambda name: (name.as_posix() == LAST_MOVED, name.as_posix()),
     )
     kept = []
-    for name in names:
-        _flush(source / name)
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        with suppress(PermissionError):  # an unreadable file is not replaced either
-            for one in _names_for(name):
-                if (folder / one).is_file():
-                    (backup / one).parent.mkdir(parents=True, exist_ok=True)
-                    _keep(folder / one, backup / one)
-            kept.append(name)
-    list_text = "\n".join(name.as_posix() for name in [*kept, _END])
-    (staging / MOVING).write_text(list_text, encoding="utf-8")
-    _flush(staging / MOVING)
+    inner = {folder / one for name in names for one in name.parents if not (folder / one).is_dir()}
     try:
+        for name in names:
+            _flush(source / name)
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            with suppress(PermissionError):  # an unreadable file is not replaced either
+                for one in _names_for(name):
+                    if (folder / one).is_file():
+                        (backup / one).parent.mkdir(parents=True, exist_ok=True)
+                        _keep(folder / one, backup / one)
+                kept.append(name)
+        list_text = "\n".join(name.as_posix() for name in [*kept, _END])
+        (staging / MOVING).write_text(list_text, encoding="utf-8")
+        _flush(staging / MOVING)
         for name in names:
             _move(source / name, folder / name)
     except BaseException:
         # if the hidden folder was taken over, the other process restores it
         for name in kept if (staging / MOVING).is_file() else ():
             _restore(staging, folder, name)
+        for made in sorted(inner, reverse=True):  # those inside another one first
+            with suppress(OSError):
+                made.rmdir()
         raise
     # the output is complete: remove the list, so that it is never put back by another run
     (staging / MOVING).unlink(missing_ok=True)
@@ -553,17 +549,14 @@ def _refuse_names(folder: Path) -> None:
     written = write_out(folder)
     if written != str(folder):
         raise OutputError(
-            f"{written}: a name in this path is no text, so results cannot be written there",
-            "rename the folder, or choose another one with --output",
-            "rename the folder",
+            f"{written}: a name in this path is no text, so results cannot be written there; "
+            "rename the folder, or choose another folder with --output"
         )
     for part in folder.parts if sys.platform == "win32" else ():
         if part.partition(".")[0].rstrip().upper() in _DEVICES:
             raise OutputError(
                 f"{folder}: Windows keeps the name {part} for a device, so nothing can be written "
-                "there",
-                "choose another folder with --output",
-                "rename the folder",
+                "there; choose another folder with --output"
             )
 
 

@@ -199,13 +199,21 @@ def assemble(observed: Observations) -> Assembled:
 def _usable_picks(observed: Observations) -> Ints:
     """Return indices of the picks, without matches, in photos that take part."""
     picks, posed = observed.picks, _usable_photos(observed)
-    used = np.flatnonzero([image in posed for image in picks.image])
+    usable = posed - set(observed.contradicting)
+    used = np.flatnonzero([image in usable for image in picks.image])
     used = used[~(picks.of_source("match") | picks.is_copy)[used]]
     if observed.copies:  # a second click counts, a pick that was copied with the photo does not
         shown = [observed.copies.get(name, name) for name in picks.image]
         places = zip(shown, picks.label, *picks.pixel_px.T.tolist(), strict=True)
         first = {place: i for i, place in reversed(list(enumerate(places)))}
         used = used[np.isin(used, list(first.values()))]
+    for one, other in observed.contradicting.items():
+        if not used.size:
+            raise GeometryError(
+                f"no usable pick remains: {one} and {other} are the same file, but most labels are "
+                "picked at other places in one than in the other. Look at both, and delete the "
+                "wrong picks, or pick them in their own photo"
+            )
     if not used.size:
         raise GeometryError(
             "no usable frame remains: the flight log covers no photo with a pick. "

@@ -36,8 +36,8 @@ from uavgram.model.naming import format_digits, join_names
 from uavgram.model.result.result import MAX_SIGMA_RATIO, CameraUpdate
 
 REMEDY = (
-    "calibrate the camera (uavgram calibrate) and name its camera.yaml, or write a camera.yaml by "
-    "hand"
+    "calibrate the camera (`uavgram calibrate`) and name its camera.yaml, or write a camera.yaml "
+    "by hand"
 )
 WITHOUT = "or write `camera: unknown` in the project, for an ordinary drone camera with wide errors"
 UNKNOWN_CAMERA, ASSUMED_CAMERA = "camera-unknown", "camera-assumed"
@@ -138,8 +138,7 @@ def _report_unknown_camera(tags: CameraTags, source: _Source, why: str) -> Messa
         f"± {_corner_sigma_px(tags, source):.0f} px at the corners. Lengths from one photo are as "
         "uncertain; more photos and known lengths help, and the ± of each measurement includes "
         "this, but not for a tele, zoom or fisheye lens. Tape six lengths or more, and calibrate "
-        "the camera: photograph a chessboard 15 times, then `uavgram calibrate`, or the Camera tab "
-        "of `uavgram pick`."
+        "the camera: photograph a chessboard 15 times, then `uavgram calibrate`."
     )
     return Message("warning", UNKNOWN_CAMERA, text)
 

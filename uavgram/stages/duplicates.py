@@ -30,7 +30,8 @@ MAX_AT_ONCE = 8
 stopped clock."""
 
 MAX_SAME_POINT_PX = 5.0
-"""Largest distance of two clicks of a person on the same point of one exposure."""
+"""Largest distance of two clicks of a person on the same point of one exposure, at a standard
+deviation of up to a pixel; in proportion to a larger one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,15 +48,21 @@ class Duplicates:
         Messages on all duplicates.
     known
         Index of each known thing that is not counted -> the counted length or known thing.
+    contradicting
+        Name of each photo with picks that contradict those in another copy of the same file -> that
+        copy. Nothing shows which of them are of another photo, so none is an observation.
     """
 
     photos: Mapping[str, str]
     lines: Mapping[int, int]
     messages: tuple[Message, ...]
     known: Mapping[int, str] = field(default_factory=dict)
+    contradicting: Mapping[str, str] = field(default_factory=dict)
 
     def reason(self, frame_id: str) -> str:
-        """Return the reason why a photo is not counted; empty where it is."""
+        """Return the reason why a photo or its picks are not counted; empty where they are."""
+        if other := self.contradicting.get(frame_id):
+            return f"the same file as {other}, which is picked at other places"
         kept = self.photos.get(frame_id)
         return "" if kept is None else f"the same photo as {kept}, which is counted"
 
@@ -67,6 +74,7 @@ def find_duplicates(
     lines: KnownLines,
     known: KnownThings = NO_KNOWN,
     is_same: Callable[[str, str], bool] = lambda _one, _other: False,
+    picks_sigma_px: float = 1.0,
 ) -> Duplicates:
     """Find photos and lengths that occur more than once.
 
@@ -81,15 +89,21 @@ def find_duplicates(
     is_same
         Function that decides whether two photos, by name, are of one camera and show the same;
         called for those that may be one exposure.
+    picks_sigma_px
+        Standard deviation of picks that state none.
     """
-    same_file, saved_anew = _same_exposures(photos, sha256, picks, is_same)
+    clicks = _Clicks(picks, picks_sigma_px)
+    same_file, saved_anew = _same_exposures(photos, sha256, clicks, is_same)
+    contradicting = _find_contradicting(clicks, same_file)
+    repeated = {copy: kept for copy, kept in same_file.items() if copy not in contradicting}
     same_lines = _same_lines(lines)
     same_known = _find_duplicate_things(lines, known)
     return Duplicates(
         photos={**same_file, **saved_anew},
         lines=same_lines,
         messages=(
-            *_photo_message("photo-duplicate", "the same file as", same_file),
+            *_report_contradicting(clicks, contradicting),
+            *_photo_message("photo-duplicate", "the same file as", repeated),
             *_photo_message("photo-saved-anew", "the same exposure as", saved_anew),
             *_pick_message(picks),
             *_line_messages(lines, same_lines),
@@ -97,11 +111,80 @@ def find_duplicates(
             *_alike_messages(picks),
         ),
         known=same_known,
+        contradicting=contradicting,
     )
 
 
+class _Clicks:
+    """Picks by photo, to be compared between photos."""
+
+    def __init__(self, picks: Picks, sigma_px: float) -> None:
+        self.picks = picks
+        self.sigma_px = np.where(np.isnan(picks.sigma_px), sigma_px, picks.sigma_px)
+        self.rows: dict[str, list[int]] = {}
+        for i, image in enumerate(picks.image):
+            self.rows.setdefault(image, []).append(i)
+
+    def list_apart(self, one: str, other: str) -> dict[str, float]:
+        """Return the distance of the clicks on each common label, in `MAX_SAME_POINT_PX`."""
+        picks, found = self.picks, dict[str, float]()
+        for i in self.rows.get(one, ()):
+            for k in self.rows.get(other, ()):
+                if picks.label[i] == picks.label[k]:
+                    apart_px = np.abs(picks.pixel_px[i] - picks.pixel_px[k]).max()
+                    sigma_px = max(1.0, self.sigma_px[i], self.sigma_px[k])
+                    found[picks.label[i]] = float(apart_px / (MAX_SAME_POINT_PX * sigma_px))
+        return found
+
+    def may_be_same(self, one: str, other: str) -> bool:
+        """Return whether two photos have most of their common labels at nearly the same pixels."""
+        apart = self.list_apart(one, other)
+        return not apart or float(np.median(list(apart.values()))) <= 1.0
+
+
+def _find_contradicting(clicks: _Clicks, same_file: Mapping[str, str]) -> dict[str, str]:
+    """Find copies of a file in which most labels are picked at other places, and the other copies.
+
+    A picture is the same in all of its copies, so that the picks of some are of another photo.
+    """
+    found: dict[str, str] = {}
+    for copy, kept in same_file.items():
+        if not clicks.may_be_same(kept, copy):
+            found |= {kept: copy, copy: kept}
+    others = {copy: kept for copy, kept in same_file.items() if kept in found}
+    return found | {copy: found.get(copy, kept) for copy, kept in others.items()}
+
+
+def _report_contradicting(clicks: _Clicks, contradicting: Mapping[str, str]) -> Iterator[Message]:
+    """Report each pair of copies with contradicting picks, and the photo that these may be of."""
+    for one, other in contradicting.items():
+        apart = clicks.list_apart(one, other)
+        labels = [label for label, far in apart.items() if far > 1.0]
+        if contradicting[other] != one or one > other or not labels:
+            continue
+        of_others = "".join(
+            f" Those in {mine} are at the places of {third}."
+            for mine in (one, other)
+            for third in clicks.rows
+            if third not in contradicting
+            and clicks.list_apart(mine, third)
+            and clicks.may_be_same(mine, third)
+        )
+        yield Message(
+            "warning",
+            "copies-contradict",
+            f"{one} and {other} are the same file, but {join_names(map(repr, labels), _MAX_NAMED)} "
+            f"{'are' if len(labels) > 1 else 'is'} picked at other places in one than in the "
+            "other: the picks of one of the two are of another photo. Neither's are used."
+            f"{of_others} Look at both, and delete the wrong picks, or pick them in their own "
+            "photo.",
+            frames=(one, other),
+            labels=tuple(labels),
+        )
+
+
 def _same_exposures(
-    photos: Photos, sha256: Mapping[str, str], picks: Picks, is_same: Callable[[str, str], bool]
+    photos: Photos, sha256: Mapping[str, str], clicks: _Clicks, is_same: Callable[[str, str], bool]
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Map copies of a file, and other files of an exposure, to the counted photo.
 
@@ -112,9 +195,7 @@ def _same_exposures(
     do.
     """
     time_s = dict(zip(photos.frame_id, photos.file_time_s.tolist(), strict=True))
-    rows: dict[str, list[int]] = {}
-    for i, image in enumerate(picks.image):
-        rows.setdefault(image, []).append(i)
+    picks, rows = clicks.picks, clicks.rows
     counted: dict[str, str] = {}  # by content of the file
     at_time: dict[float, list[str]] = {}
     of_label: dict[str, list[int]] = {}
@@ -136,7 +217,7 @@ def _same_exposures(
                 ),
                 *([before] if before and _continues(photo_name(before), photo_name(name)) else []),
             ]
-        near = [one for one in dict.fromkeys(near) if _may_be_same(picks, rows.get(one, []), own)]
+        near = [one for one in dict.fromkeys(near) if clicks.may_be_same(one, name)]
         if content in counted:
             files[name] = counted[content]
         elif same := next((other for other in near if is_same(other, name)), ""):
@@ -153,25 +234,6 @@ def _continues(name: str, other: str) -> bool:
     """Return whether a name continues another one; photo10 is no copy of photo1."""
     rest = other.removeprefix(name)
     return rest != other and not (name[-1:].isdigit() and rest[:1].isdigit())
-
-
-def _may_be_same(picks: Picks, one: list[int], other: list[int]) -> bool:
-    """Return whether two photos have most of their common labels at nearly the same pixels.
-
-    Parameters
-    ----------
-    picks
-        All picks.
-    one, other
-        Rows of those in each photo.
-    """
-    apart_px = [
-        float(np.abs(picks.pixel_px[i] - picks.pixel_px[k]).max())
-        for i in one
-        for k in other
-        if picks.label[i] == picks.label[k]
-    ]
-    return not apart_px or float(np.median(apart_px)) <= MAX_SAME_POINT_PX
 
 
 def _same_lines(lines: KnownLines) -> dict[int, int]:

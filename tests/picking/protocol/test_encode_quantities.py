@@ -17,9 +17,9 @@ from uavgram.model.survey import World
 from uavgram.picking.document.state import Line, State
 from uavgram.picking.protocol.encode_quantities import (
     collect_lengths,
-    convert_units,
     list_kept_names,
     places_on_earth,
+    word_for_page,
 )
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
@@ -38,7 +38,7 @@ MESSAGE = {
 
 
 def test_sentences_are_told_in_feet_and_nothing_else_is_changed() -> None:
-    told = convert_units(MESSAGE, IMPERIAL, ("wall 4.10 m",))
+    told = word_for_page(MESSAGE, IMPERIAL, ("wall 4.10 m",))
 
     assert told["verdict"]["words"] == "off by 1.26 in"
     assert told["verdict"]["why"][0]["text"] == "wall 4.10 m: 4 ft 7 in high"
@@ -72,7 +72,7 @@ def test_sentences_tell_what_was_typed_and_not_what_its_rounded_metres_are() -> 
         ),
         (IMPERIAL, "taped 10 ft 6 in, found 10 ft 6 3/8 in; D1 is 7 ft 3 in", "10 ft 0 in"),
     ):
-        first, button, other = convert_units(message, units, (), exact)["why"]
+        first, button, other = word_for_page(message, units, (), exact)["why"]
         assert first["text"] == text
         assert button["words"] == f"Correct L1 to {words}"
         assert other["words"].startswith("Free it, 10")
@@ -80,7 +80,7 @@ def test_sentences_tell_what_was_typed_and_not_what_its_rounded_metres_are() -> 
 
 
 def test_in_metres_only_speeds_are_told_anew() -> None:
-    told = convert_units(MESSAGE, METRIC, ())
+    told = word_for_page(MESSAGE, METRIC, ())
 
     assert told["messages"][0]["text"] == "at 50.0 km/h"
     assert {**told, "messages": MESSAGE["messages"]} == MESSAGE

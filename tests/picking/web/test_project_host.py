@@ -195,7 +195,9 @@ def test_a_full_disk_is_said_and_leaves_nothing(
     monkeypatch.setattr("uavgram.pipeline.setup.replace_text", full)
     answer = browser.post("/door/begin", json=wanted(number, setup={"pitch_deg": -45}))
     assert answer.status_code == 409
-    assert answer.json()["why"].endswith("the disk is full; free some space, and try again")
+    assert answer.json()["why"].endswith(
+        "the disk is full; free some space, or copy the photos to another folder, and open that"
+    )
     assert sorted((home / "first").rglob("*")) == before
 
 

@@ -59,6 +59,8 @@ class Observations:
         Exposure time of each photo; None if unknown.
     copies
         Photos of an exposure that is counted already -> the photo that is.
+    contradicting
+        Photos whose picks are not used -> the copy of the same file that they contradict.
     """
 
     calibration: Calibration
@@ -76,6 +78,7 @@ class Observations:
     photos: Sequence[str] = ()
     exposures: Frames | None = None
     copies: Mapping[str, str] = field(default_factory=dict)
+    contradicting: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -222,6 +222,20 @@ EXCLUDED = (
         order=Order.DUPLICATE,
     ),
     Entry(
+        "copies-contradict",
+        WARNING,
+        finding=(
+            "A photo is there twice, as the same file, and most labels are picked at other places "
+            "in one copy than in the other: the picks of one of them are of another photo, such as "
+            "one that was exchanged with it."
+        ),
+        consequence="No pick in either copy is used, as nothing shows which are right.",
+        action="Look at both copies. Delete the wrong picks, or pick them in their own photo.",
+        effect=Effect.AMBER,
+        order=Order.DUPLICATE,
+        one="{frames} are the same file with picks at different places: look at both.",
+    ),
+    Entry(
         "photo-saved-anew",
         WARNING,
         finding=(

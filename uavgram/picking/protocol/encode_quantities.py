@@ -1,6 +1,6 @@
 """Numbers, places and sentences as JSON for the page, in the project's units; NaN becomes null.
 
-A function in a message is the text of a number: `convert_units` calls it with the units. The page
+A function in a message is the text of a number: `word_for_page` calls it with the units. The page
 gets numbers in metres beside it where it draws them or where people edit them.
 """
 
@@ -16,9 +16,10 @@ import numpy as np
 from uavgram.estimation.measuring.predicted_pixels import PredictedPixels
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.naming import Units
+from uavgram.model.naming import METRIC, Units
 from uavgram.picking.document.state import State
 from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.ways_on_page import name_on_page
 from uavgram.pipeline.pick.live_survey import LiveAdjustment
 from uavgram.pipeline.pick.places import KnownPlaces
 from uavgram.views.units import (
@@ -35,7 +36,9 @@ _DIGITS = 7
 DEGREE_DIGITS = 9
 """Decimals of a degree: a tenth of a millimetre."""
 
-SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
+SENTENCES = frozenset(
+    {"text", "plain", "words", "why", "fault", "reason", "reasons", "shows", "unseen", "unusable"}
+)
 """Keys of sentences for people."""
 
 _WITHOUT = frozenset({"state", "diff", "picks", "predicted", "expected", "found", "asked"})
@@ -183,13 +186,13 @@ def collect_lengths(message: Any, state: State) -> tuple[float, ...]:  # noqa: A
     return sort_magnitudes(values)
 
 
-def convert_units(
+def word_for_page(
     message: Any,  # noqa: ANN401 (JSON)
-    units: Units,
-    keep: Iterable[str],
+    units: Units = METRIC,
+    keep: Iterable[str] = (),
     exact: Sequence[float] = (),
 ) -> Any:  # noqa: ANN401 (JSON)
-    """Return a message with its sentences in other units.
+    """Return a message with its sentences in the project's units, and in the words of the page.
 
     Parameters
     ----------
@@ -202,8 +205,12 @@ def convert_units(
     exact
         Exact lengths [m], ascending, that the sentences give rounded.
     """
-    worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
-    inner = partial(convert_units, units=units, keep=keep)
+    if isinstance(message, dict) and "changes" in message:
+        # The text of a button gives the length that it would set.
+        made = [change.get("length_m") for change in message["changes"]]
+        exact = sort_magnitudes([*exact, *made])
+    inner = partial(word_for_page, units=units, keep=keep, exact=exact)
+    worded = partial(_word_sentence, units=units, keep=keep, exact=exact)
 
     def value_of(key: str, value: Any) -> Any:  # noqa: ANN401 (JSON)
         if callable(value):
@@ -214,16 +221,16 @@ def convert_units(
             return value
         if key in SENTENCES and all(isinstance(one, str) for one in value):  # a list of sentences
             return [worded(one) for one in value]
-        return inner(value, exact=exact)
+        return inner(value)
 
     if callable(message):
         return message(units)
     if isinstance(message, list):
-        return [inner(one, exact=exact) for one in message]
+        return [inner(one) for one in message]
     if not isinstance(message, dict):
         return message
-    if "changes" in message:  # a button's text gives the length that it would set
-        made = [change.get("length_m") for change in message["changes"]]
-        exact = sort_magnitudes([*exact, *made])
-        worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
     return {key: value_of(key, value) for key, value in message.items()}
+
+
+def _word_sentence(sentence: str, units: Units, keep: Iterable[str], exact: Sequence[float]) -> str:
+    return name_on_page(convert_sentence(sentence, units, keep, exact))

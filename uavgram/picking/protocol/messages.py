@@ -21,7 +21,7 @@ from uavgram.picking.document.state import Line
 from uavgram.pipeline.setup import FoundCamera, FoundPhotos
 
 Words = Callable[[Units], str]
-"""Text of a number in some units, made when it is sent (`encode_quantities.convert_units`)."""
+"""Text of a number in some units, made when it is sent (`encode_quantities.word_for_page`)."""
 
 Text = str | Words
 Pair = tuple[int, str]

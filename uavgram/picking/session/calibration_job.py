@@ -130,7 +130,7 @@ class CalibrationJob:
             end = {"t": "calibration", "state": "done", **result}
             self.made, self.made_for = done.folder / CAMERA, result
         except UavgramError as why:
-            end = _failed(why.on_page)
+            end = _failed(str(why))
         finally:
             self._send(end)  # last statement of the job: the next one may begin
 

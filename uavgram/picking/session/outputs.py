@@ -15,6 +15,7 @@ from uavgram.io.results.results_json import load_results
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.ways_on_page import name_on_page
 from uavgram.picking.storage.tables import Stamp, stamp_of
 from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.survey.verdict import (
@@ -162,7 +163,7 @@ def results_json(result: Result) -> m.Results:
     keep, exact = list_names_like_lengths(result), exact_lengths(result)
 
     def in_project_units(text: str) -> str:
-        return convert_sentence(text, units, keep, exact)
+        return name_on_page(convert_sentence(text, units, keep, exact))
 
     rows = result.measurements
     return {

@@ -243,7 +243,7 @@ class OpenProject:
         try:
             saver = self._keep(survey.inputs)
         except UavgramError as why:  # the files changed once more since
-            self.refuses = f"{why}. Start `uavgram pick` again"
+            self.refuses = f"{why}. Start uavgram again"
             log.warning("the project was let go: %s", why)
             return
         self.picking = PickSession(survey, saver, self._broadcast)

@@ -216,7 +216,7 @@ class AdjustmentWorkers:
             adjusted = self._survey.adjust(collect_observations(task.state))
             return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:
-            return None, unadjusted_json(why.on_page, self._survey.inputs.messages)
+            return None, unadjusted_json(str(why), self._survey.inputs.messages)
         except Exception:  # a bug here must not end the worker: the page goes on
             log.exception("the adjustment failed")
             return None, unadjusted_json(FAULT, self._survey.inputs.messages)

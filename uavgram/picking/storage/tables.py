@@ -119,7 +119,7 @@ class Tables:
                 self._write(role, wanted[role])
             self._journal.record_save()
         except OutputError as fault:
-            return fault.on_page
+            return str(fault)
         self._pending = False
         return self._advise_on_unnamed(wanted)
 
@@ -225,7 +225,7 @@ class Tables:
         try:
             left = load_journal(journal)
         except UavgramError as why:
-            self._put_aside(journal, why.on_page)
+            self._put_aside(journal, str(why))
             return None
         if left.session is None or not left.unsaved:
             return None

@@ -12,7 +12,7 @@ from pathlib import Path
 from anyio import to_thread
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -23,7 +23,7 @@ from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web import running_server
-from uavgram.picking.web.routes import START, WORK, page_routes
+from uavgram.picking.web.routes import START, WORK, PageJSON, page_routes
 from uavgram.picking.web.server import PickServer
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 
@@ -154,7 +154,7 @@ class ProjectHost:
         try:
             jpeg = await to_thread.run_sync(self.door.picture, folder, group)
         except UavgramError as why:
-            return JSONResponse({"why": why.on_page}, 404)
+            return PageJSON({"why": str(why)}, 404)
         return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})
 
     async def _begin(self, request: Request) -> Response:
@@ -167,7 +167,7 @@ class ProjectHost:
         async for part in request.stream():
             body += part
             if len(body) > MAX_REQUEST_BYTES:
-                return JSONResponse({"why": "the request is too long"}, TOO_LONG)
+                return PageJSON({"why": "the request is too long"}, TOO_LONG)
         closes = request.query_params.get("closes") == "yes"
         async with self._changing:
             meant = None
@@ -176,21 +176,19 @@ class ProjectHost:
                 if self.pick is not None and self.pick.path != meant:
                     name = self.pick.path.parent.name
                     if self.pick.is_in_use and not closes:
-                        return JSONResponse(
-                            {"why": OPEN_ALREADY.format(name), "open": name}, CANNOT
-                        )
+                        return PageJSON({"why": OPEN_ALREADY.format(name), "open": name}, CANNOT)
                     if fault := self.pick.save_or_explain():
                         raise RefusedError(f"{name} stays open: {fault}")
                 project = await to_thread.run_sync(self.door.begin, body)
                 if self.pick is not None and self.pick.path == project.resolve():
-                    return JSONResponse({})
+                    return PageJSON({})
                 pick = await to_thread.run_sync(self._read, project)
             except UavgramError as why:
                 is_here = self.pick is not None and self.pick.path == meant
                 return await _refused_or_elsewhere(why, None if is_here else meant)
             await self._close()
             self._show(pick)
-        return JSONResponse({})
+        return PageJSON({})
 
     async def _leave(self, request: Request) -> Response:
         """Save and close the open project; the page returns to the start page."""
@@ -202,12 +200,12 @@ class ProjectHost:
                 if fault:
                     return _refuse(RefusedError(f"The project stays open: {fault}"))
                 await self._close()
-        return JSONResponse({})
+        return PageJSON({})
 
 
 async def _answer(find: Callable[..., Mapping[str, object]], *arguments: str) -> Response:
     try:
-        return JSONResponse(await to_thread.run_sync(find, *arguments))
+        return PageJSON(await to_thread.run_sync(find, *arguments))
     except UavgramError as why:
         return _refuse(why)
 
@@ -218,7 +216,7 @@ async def _refused_or_elsewhere(why: UavgramError, project: Path | None) -> Resp
     there = None if project is None else await to_thread.run_sync(find)
     if there is None:
         return _refuse(why)
-    return JSONResponse({"why": ELSEWHERE, "there": there.text}, CANNOT)
+    return PageJSON({"why": ELSEWHERE, "there": there.text}, CANNOT)
 
 
 async def _tab(page: WebSocket) -> None:
@@ -231,4 +229,4 @@ async def _tab(page: WebSocket) -> None:
 
 def _refuse(why: UavgramError) -> Response:
     log.info("refused: %s", why)
-    return JSONResponse({"why": why.on_page}, CANNOT)
+    return PageJSON({"why": str(why)}, CANNOT)

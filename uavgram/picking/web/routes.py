@@ -19,6 +19,8 @@ from uavgram.imaging.photos.preview import Tone
 from uavgram.imaging.photos.tiles import FIRST_COARSE
 from uavgram.io.files import read_own
 from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.encode_quantities import word_for_page
+from uavgram.picking.protocol.ways_on_page import name_on_page
 from uavgram.picking.session.project import OpenProject
 
 DOCUMENT_HEADERS = {
@@ -34,6 +36,15 @@ _TYPES = {
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
 }
+
+
+class PageJSON(JSONResponse):
+    """JSON with its sentences in the words of the page."""
+
+    def render(self, content: object) -> bytes:
+        """Encode it."""
+        return super().render(word_for_page(content))
+
 
 START, WORK = "door.html", "index.html"
 """Pages: the choice of a folder, at /door also while a project is open; and the open project."""
@@ -127,7 +138,7 @@ class Files:
         try:
             tones = await to_thread.run_sync(make, photo)
         except UavgramError as why:
-            return JSONResponse({"why": why.on_page}, 404)
+            return PageJSON({"why": str(why)}, 404)
         if tones is None:
             return Response(status_code=404)
         first, stretched = map(asdict, tones)
@@ -145,7 +156,7 @@ class Files:
         try:
             jpeg = await to_thread.run_sync(make, *place)
         except UavgramError as why:
-            return JSONResponse({"why": why.on_page}, 404)
+            return PageJSON({"why": str(why)}, 404)
         if jpeg is None:
             return Response(status_code=404)
         keep = "private, max-age=86400" if is_kept else "no-store"
@@ -166,7 +177,7 @@ class Files:
         """Serve the findings of the last run, in words."""
         shown = await to_thread.run_sync(self._project.outputs.summarise_results)
         if shown is None:
-            return JSONResponse({"why": "There are no results yet: write them on the page."}, 404)
+            return PageJSON({"why": "There are no results yet: write them on the page."}, 404)
         return JSONResponse(shown, headers={"cache-control": "no-store"})
 
     async def plan(self, _: Request) -> Response:
@@ -182,7 +193,7 @@ class Files:
         try:
             address = await to_thread.run_sync(self._project.outputs.viewer)
         except UavgramError as why:
-            return PlainTextResponse(why.on_page, 404)
+            return PlainTextResponse(name_on_page(str(why)), 404)
         return RedirectResponse(address, 303)
 
     async def calibration(self, _: Request) -> Response:

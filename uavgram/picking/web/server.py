@@ -17,8 +17,8 @@ from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_quantities import (
     collect_lengths,
-    convert_units,
     list_kept_names,
+    word_for_page,
 )
 from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
@@ -152,7 +152,7 @@ class PickServer:
                 message = await waiting.get()
                 state, units = self.picking.state, self.picking.survey.inputs.project.units
                 keep, exact = list_kept_names(state), collect_lengths(message, state)
-                await page.send_json(convert_units(message, units, keep, exact))
+                await page.send_json(word_for_page(message, units, keep, exact))
                 if message["t"] == "closed":
                     break
             await page.close(TRY_AGAIN_LATER)  # it missed messages: it is to reconnect
@@ -175,7 +175,7 @@ class PickServer:
             changed = self.picking.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not available
             log.info("refused: %s", why)
-            return {"t": "refused", "seq": message.seq, "why": why.on_page}
+            return {"t": "refused", "seq": message.seq, "why": str(why)}
         except Exception:
             if not isinstance(message.body, c.ProjectAction):
                 raise  # the page reconnects, and reads the state that is there

@@ -279,6 +279,7 @@ def _assemble(
         lines=counted,
         known=_withhold_copies(inputs.known, duplicates),
         copies=duplicates.photos,
+        contradicting=duplicates.contradicting,
     )
     return assemble(observed), messages
 

@@ -436,7 +436,11 @@ def find_project_duplicates(inputs: Inputs) -> Duplicates:
     path = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
     tables = inputs.picks, inputs.lines, inputs.known
     return find_duplicates(
-        inputs.photos, sha256, *tables, lambda one, other: _is_same(path[one], path[other])
+        inputs.photos,
+        sha256,
+        *tables,
+        lambda one, other: _is_same(path[one], path[other]),
+        inputs.project.picks_sigma_px,
     )
 
 
@@ -561,6 +565,6 @@ def _suggest_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> 
     name = Path(camera).stem
     return (
         "if they are the same images made larger or smaller, make a camera file of their size: "
-        f"uavgram camera {camera} --size {size} --output {name}_{size}.yaml; else give the camera "
-        "file of this camera and resolution, or leave these photos out"
+        f"`uavgram camera {camera} --size {size} --output {name}_{size}.yaml`; else give the "
+        "`camera` file of this camera and resolution, or leave these photos out"
     )

@@ -214,13 +214,13 @@ def _idle(known: KnownThings, i: int) -> Message:
         "warning",
         "known-idle",
         f"The {what} is not used: by their picks all of its points are on the ground, where it "
-        "adds no information. For points off the ground write `free` as height_m in picks.csv.",
+        "adds no information. Where that is wrong, write `free` as the height_m of their picks.",
         labels=known.points[i],
         several=MessagePlural(
             "{count} known things are not used, as by their picks all of their points are on the "
             "ground, where they add no information",
             what,
-            ending="For points off the ground write `free` as height_m in picks.csv.",
+            ending="Where that is wrong, write `free` as the height_m of their picks.",
         ),
     )
 

@@ -333,14 +333,13 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
     other = " (or one of its two picks is on another thing)" if photos == UNCHECKED_PHOTOS else ""
     text = (
         f"{label!r} fits {size}, and not on it{other}. It was adjusted with that height. To "
-        "confirm it, write 'free' into the column height_m of its picks, or the height if you "
-        "know it."
+        "confirm it, write `free` as the height_m of its picks, or the height if you know it."
     )
     several = MessagePlural(
         "{count} points fit at a height off the ground, and not on it; they were adjusted so",
         f"{label!r} {abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side}{other}",
-        ending="To confirm it, write 'free' into the column height_m of their picks, or the "
-        "heights if you know them.",
+        ending="To confirm it, write `free` as the height_m of their picks, or the heights "
+        "if you know them.",
     )
     return Message(
         "warning",

@@ -66,7 +66,6 @@ def report_stated_mount(
         text = (
             f"The mount of the camera, as chosen, contradicts the recorded angles: its own angles "
             f"({source}) are up to {turns_deg.max():.1f} degrees apart, and were not used. Check "
-            "how the camera hung. If you are not sure, choose *As recorded* on the page (under "
-            "Camera), or write `auto` into `mount`."
+            "how the camera hung. If you are not sure, write `auto` into `mount`."
         )
     return Message("warning" if contradicts else "info", "mount-stated", text)

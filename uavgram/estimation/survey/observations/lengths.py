@@ -43,7 +43,7 @@ TAPED = ErrorSource(
 TAPE_SCALE = ErrorSource(
     "tape",
     "how well the scale of the tape is known, which all its lengths share",
-    "A tape that was compared with a better one would help there (tape: scale_sigma).",
+    "A tape that was compared with a better one would help there (`tape.scale_sigma`).",
 )
 
 
@@ -260,7 +260,7 @@ class TapeScales(Observation):
         size, side = f"{format_digits(100.0 * abs(free))} %", "long" if free > 0 else "short"
         return (
             f"By all that does not rest on it, {what} seems to be {size} too {side}: compare it "
-            f"with another one, or state how good it is (tape: scale_sigma; w = {found.w:.1f}).",
+            f"with another one, or state how good it is (`tape.scale_sigma`; w = {found.w:.1f}).",
             f"{what} seems to be {size} too {side} (w = {found.w:.1f})",
         )
 

@@ -152,7 +152,7 @@ export class Navigation {
     await this.bringTies();
     const { active } = this.panes;
     const count = active && this.state.shown.ties ? tiesIn(active.image).length : 0;
-    if (this.state.shown.ties) this.notice.show(count ? `${count} tie points in this photo: spots that the program found in others, too.` : "The project names no tie points in this photo. uavgram picks ties looks for them, and ties: in project.yaml names their file.", true);
+    if (this.state.shown.ties) this.notice.show(count ? `${count} tie points in this photo: spots that the program found in others, too.` : "The project names no tie points in this photo. With the line ties: auto in project.yaml, and the project opened again, the program looks for them.", true);
   }
 
   // Loads the tie points of the shown photos if they are to be drawn.

@@ -139,7 +139,7 @@ def _taped_level_message(
     text = (
         f"All lengths seem to have been taped level on a ground that slopes by {slope:.0f} "
         "degrees: they fit as horizontal distances, and not along the slope. Ask how the tape was "
-        "held, and write 'horizontal' into the column along of the lengths if it was level."
+        "held, and write 'horizontal' into the column `along` of lines.csv if it was level."
     )
     return Message("warning", "lengths-level", text, lengths=names)
 

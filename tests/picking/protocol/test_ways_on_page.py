@@ -1,0 +1,90 @@
+"""Remedies on the page: its own places, or the file to be edited; never an option alone."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import uavgram
+from uavgram.picking.protocol.encode_quantities import word_for_page
+from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
+
+
+@pytest.mark.parametrize(
+    ("message", "on_page"),
+    [
+        (
+            "the disk is full; free some space, or choose another folder with --output",
+            "the disk is full; free some space, or copy the photos to another folder, and open "
+            "that",
+        ),
+        ("Set --fix-aspect, or take photos rolled.", "Take photos rolled."),
+        (
+            "To confirm it, write `free` as the height_m of its picks, or the height.",
+            "To confirm it, free its height (Q), or the height.",
+        ),
+        (
+            "State the camera's direction in `mount`. Tape L1 again.",
+            "State the camera's direction in `mount`. Tape L1 again. (mount: in the set-up of the "
+            "folder; under Camera, 'Change camera, mount, tape or case'.)",
+        ),
+        (
+            "set time.offset_s (camera clock minus UTC), or `ties: auto`, which finds it",
+            "set time.offset_s (camera clock minus UTC), or `ties: auto`, which finds it. "
+            "(time.offset_s and ties: in the file project.yaml, with a text editor; then open the "
+            "project again.)",
+        ),
+        (
+            "Run again with --monte-carlo for its exact interval.",
+            "Run again with --monte-carlo for its exact interval. (--monte-carlo: in a terminal; "
+            "the page has nothing for it.)",
+        ),
+        (
+            "Name the flight's log (`log:`), if there is one.",
+            "Name the flight's log (`log:`), if there is one. (log: in the set-up of the folder; "
+            "under Camera, 'Change camera, mount, tape or case'.)",
+        ),
+    ],
+)
+def test_a_remedy_is_one_of_the_page_or_names_the_file(message: str, on_page: str) -> None:
+    assert name_on_page(message) == on_page
+
+
+@pytest.mark.parametrize(
+    "sentence", ["The mount -- of the camera, as it is.", "lines.csv:3: sigma_m: must be positive"]
+)
+def test_other_words_stay(sentence: str) -> None:
+    assert name_on_page(sentence) == sentence
+
+
+def test_sentences_are_worded_and_data_is_not() -> None:
+    message = {"why": [{"text": "Run `uavgram check` ", "labels": ["--output"]}], "t": "live"}
+
+    worded = word_for_page(message)["why"][0]
+
+    assert worded == {"text": "Run The list of photos ", "labels": ["--output"]}
+
+
+def literals() -> str:
+    """Return the texts of the package's modules but the one under test, one a line."""
+    found = []
+    for path in Path(uavgram.__file__).parent.rglob("*.py"):
+        if path.name != "ways_on_page.py":
+            for one in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(one, ast.JoinedStr):
+                    parts = (str(getattr(part, "value", "")) for part in one.values)
+                    found.append("".join(p if not p.startswith("<ast") else "X" for p in parts))
+                elif isinstance(one, ast.Constant) and isinstance(one.value, str):
+                    found.append(one.value)
+    return "\n".join(found)
+
+
+def test_each_way_is_for_a_message_that_exists() -> None:
+    """A message that is worded anew would else keep its option on the page."""
+    # The option of another folder is a variable in its message.
+    text = literals().replace("with X", "with --output")
+
+    assert [way.pattern for way, _ in WAYS if not re.search(way, text)] == []
