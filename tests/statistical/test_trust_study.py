@@ -307,3 +307,19 @@ def test_a_photo_with_the_log_as_its_only_scale_is_not_in_order() -> None:
     assert row["reasons"][0]["cause"] == "nothing-checks"
     assert "(up)" in row["reasons"][0]["text"]
     assert row["level"] == "amber"
+
+
+@pytest.mark.parametrize("log", ["gps", None])
+def test_labels_swapped_in_one_of_two_photos_may_be_swapped_in_the_other(log: str | None) -> None:
+    rng = np.random.default_rng(4)
+    world = replace(STRIP, photos=2, path="facing", share=1.0, lengths=(5, 5), log=log)
+    survey = draw(world, rng)
+    for pick in survey.picks:
+        if pick.photo == 1 and pick.label in ("P1", "P2"):
+            pick.label = {"P1": "P2", "P2": "P1"}[pick.label]
+    row = judged(survey, {"world": "strip", "fault": "swapped_once", "seed": 4})
+    first = row["reasons"][0]
+    assert first["cause"] == "labels-swapped"
+    assert set(first["labels"]) == {"P1", "P2"}
+    assert all(survey.photo(k) in first["text"] for k in (0, 1))
+    assert max(map(abs, zs(row))) < 3.5

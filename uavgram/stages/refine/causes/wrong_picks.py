@@ -13,7 +13,12 @@ from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import photo_name
 from uavgram.model.survey import SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import (
+    GROSS_ERROR_LOG_ODDS,
+    Diagnosis,
+    Hypothesis,
+    find_usable_picks,
+)
 from uavgram.stages.refine.causes.stray_picks import (
     StrayPicks,
     find_stray_picks,
@@ -67,7 +72,10 @@ def propose_wrong_picks(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 
 
 def propose_swapped_in_photo(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose cyclic exchanges of labels within one photo."""
+    """Propose cyclic exchanges of labels within one photo.
+
+    Where one other photo alone shows two labels, they may as well be swapped in that one.
+    """
     found = find_stray_picks(diagnosis)
     frames = frames_of(diagnosis)[diagnosis.survey.pick_frame]
     frames_taking = len(diagnosis.adjustment.survey.frame_id)
@@ -82,14 +90,16 @@ def propose_swapped_in_photo(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             choices = np.log(np.arange(number - count + 1, number + 1)).sum() - np.log(count)
             choices += np.log(frames_taking) if known < count else 0.0
             choices -= known * np.log(number)
-            yield Hypothesis(
-                message=partial(swapped_message, diagnosis, exchange.label),
-                mend=SurveyCorrection(label_of_pick=exchange.label),
-                back=exchange.back,
-                promise=exchange.gain,
-                price=float(max(choices, 0.0)),
-                settles=frozenset([diagnosis.adjustment.survey.frame_id[frame]]),
-            )
+            for right in (exchange.label, _exchange_elsewhere(diagnosis, exchange.label)):
+                if right:
+                    yield Hypothesis(
+                        message=partial(swapped_message, diagnosis, right),
+                        mend=SurveyCorrection(label_of_pick=right),
+                        back=exchange.back | (exchange.label.keys() - right.keys()),
+                        promise=exchange.gain,
+                        price=float(max(choices, 0.0)),
+                        settles=frozenset([diagnosis.adjustment.survey.frame_id[frame]]),
+                    )
 
 
 def _exchanges(
@@ -124,6 +134,21 @@ def _exchanges(
         if len(set(label.values())) == len(label):
             gain = sum(fall.get(pick, 0.0) for pick in chain)
             yield _Exchange(label, gain, _left_out_for(diagnosis, anywhere.intersection(chain)))
+
+
+def _exchange_elsewhere(diagnosis: Diagnosis, right: Mapping[int, int]) -> dict[int, int]:
+    """Exchange two labels in the only other photo that shows both; empty without one."""
+    survey, usable = diagnosis.survey, find_usable_picks(diagnosis.taking)
+    usable &= np.isin(survey.pick_label, list(right.values()))
+    usable &= survey.pick_frame != survey.pick_frame[next(iter(right))]
+    picks = np.flatnonzero(usable)
+    own = survey.pick_label[picks]
+    if len(set(right.values())) != 2 or len(np.unique(own)) != 2:
+        return {}
+    if len(np.unique(survey.pick_frame[picks])) != 1:
+        return {}
+    first, second = np.unique(own).tolist()
+    return {int(k): second if survey.pick_label[k] == first else first for k in picks}
 
 
 def _left_out_for(diagnosis: Diagnosis, picks: Collection[int]) -> frozenset[int]:
