@@ -359,10 +359,10 @@ def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METR
     identity = ("plan", planned.name, planned.frames.center_world_m.tobytes())
     times = np.full(count, np.nan)  # the time of the flight is unknown
     with open_recording(path, identity, f"{planned.name}: plan", times) as recorder:
+        recorder.stream.send_blueprint(plan_blueprint(scene))
         log_plan(recorder, planned, scene, units)
         log_plan_legend(recorder, planned, units)
         log_plan_documents(recorder, planned, units)
-        recorder.stream.send_blueprint(plan_blueprint(scene))
 
 
 def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:

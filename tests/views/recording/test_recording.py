@@ -424,11 +424,16 @@ def test_there_are_two_timelines_and_the_origin_is_a_property(contents: Contents
     assert contents.timelines == {"frame", "capture_time"}
 
 
-def test_the_layout_is_inside(tmp_path: Path) -> None:
+def test_a_layout_comes_before_all_else_and_is_replaced(tmp_path: Path) -> None:
+    """A viewer plays what arrives before it, and would then stop at the fourth photo."""
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(frame_count=2), (), no_ground, path)
 
-    assert len(RrdReader(str(path)).blueprints()) == 1
+    assert len(RrdReader(str(path)).blueprints()) == 2
+    viewer = Path(sys.executable).with_name("rerun")
+    listed = subprocess.run([viewer, "rrd", "print", path], capture_output=True, text=True).stdout
+    assert listed.index("- /time_panel") < listed.index("- /survey")
+    assert listed.rindex("- /time_panel") > listed.rindex("- /survey")
 
 
 def test_nothing_in_the_recording_is_infinite_or_nan(contents: Contents) -> None:

@@ -550,9 +550,9 @@ def write_calibration_recording(
     identity = (made.program, made.version, made.inputs, made.board, options)
     times = np.full(len(result.photos.file), np.nan)  # numbered photos: no times
     with open_recording(path, identity, result.calibration.name, times) as recorder:
+        recorder.stream.send_blueprint(calibration_blueprint(account, room))
         log_space(recorder, result, room)
         log_board_photos(recorder, result, room, previews)
         log_image_maps(recorder, result)
         log_photo_plots(recorder, result)
         log_calibration_documents(recorder, account)
-        recorder.stream.send_blueprint(calibration_blueprint(account, room))

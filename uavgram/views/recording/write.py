@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 
+import rerun.blueprint as rrb
+
 from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
-from uavgram.views.recording.blueprint import blueprint
+from uavgram.views.recording.blueprint import blueprint, layout
 from uavgram.views.recording.curves import (
     frame_curves,
     log_plots,
@@ -84,6 +86,8 @@ def _log_everything(
     texture: Callable[[], GroundTexture | None],
     ties: TieCloud | None,
 ) -> None:
+    # A viewer plays what arrives before the first layout, and then stops at a later photo.
+    recorder.stream.send_blueprint(layout(rrb.Tabs()))
     brightened = log_photos(recorder, result, photos)
     ground = texture()
     scene, picks = measure_scene(result, ground), project_picks(result)
