@@ -55,6 +55,7 @@ class Effect(Enum):
         "At best amber. Measurements at the points that the message names are doubtful, and, if it "
         "names several photos, all coordinates."
     )
+    ALL_DOUBTFUL = "At best amber. All measurements are doubtful."
     UNCHECKED = "Amber, if a measurement depends on it."
     RED = "Red: do not use the numbers."
 

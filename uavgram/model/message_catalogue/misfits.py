@@ -132,7 +132,7 @@ MISFITS = (
             "Check the unit of the lengths (the message names units that would give an ordinary "
             "height), and the heights of log, ground and control points."
         ),
-        effect=Effect.AMBER,
+        effect=Effect.ALL_DOUBTFUL,
         order=Order.CONTRADICTION,
         one="The cameras are at a height from which no drone takes photos.",
     ),

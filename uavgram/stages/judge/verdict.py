@@ -63,8 +63,7 @@ def determine_verdict(
         examined,
         is_contradicted=bent,
         contradicted=fit.check_labels,
-        in_doubt={label for m in still if _effect(m) in _DOUBTS for label in m.labels}
-        | find_unconfirmed_ends(examined),
+        in_doubt=_find_doubtful_labels(still, examined),
         is_displaced=is_displaced(examined)
         or any(_effect(m) is Effect.DISPLACED and len(m.frames) > 1 for m in still),
     )
@@ -89,6 +88,14 @@ def determine_verdict(
     if not status:
         level = None
     return Verdict(level=level, reasons=reasons), status
+
+
+def _find_doubtful_labels(messages: Sequence[Message], examined: TestedSurvey) -> set[str]:
+    """Find the labels at which measurements are doubtful by some messages."""
+    if any(_effect(m) is Effect.ALL_DOUBTFUL for m in messages):
+        return set(examined.adjustment.survey.label)
+    named = {label for m in messages if _effect(m) in _DOUBTS for label in m.labels}
+    return named | find_unconfirmed_ends(examined)
 
 
 def _list_used_lengths(adjustment: Adjustment) -> set[str]:
