@@ -190,9 +190,6 @@ REPORT, ANNEX = "report.html", "report_annex.html"
 MAX_LENGTHS, MAX_WARNINGS = 12, 12
 """Numbers of known lengths, worst fit first, and of warnings in the report; the annex has all."""
 
-MAX_CELLS = 30
-"""Number of measurements printed as a table of cells; more become text, which costs less."""
-
 
 def write_report(
     result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
@@ -286,7 +283,6 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         most_lengths=MAX_LENGTHS,
         most_warnings=MAX_WARNINGS,
         measured=order_shapes_first(result.measurements),
-        most_cells=MAX_CELLS,
         not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
         relief=relief_notes(result),
         relief_step=relief_text(units),
@@ -316,7 +312,7 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         three_sigma=THREE_SIGMA,
         suspect_w=line_limits(result),
         weakest=weakest_links(result),
-        most_weakest=MAX_ROWS,
+        most_rows=MAX_ROWS,
         picks=order_worst_fit_first(result.picks.w),
         camera=compare_cameras(result.camera, result.shared.intrinsics),
         priors=prior_rows(result),
