@@ -19,6 +19,7 @@ from uavgram.views.survey.drawing import PAPER, Drawing, Look
 from uavgram.views.survey.outlines import round_length
 from uavgram.views.survey.sheet import lay_sheet
 from uavgram.views.survey.text_placement import Letters
+from uavgram.views.tables import Cell, Row, make_table
 
 KINDS = {
     "checks": "withheld lengths and check points",
@@ -220,53 +221,73 @@ _ORDER = {"failed": 0, "waiting": 3}
 _LEVELS = {"red": 1, "amber": 2, "green": 4}
 
 
-class PageRow(NamedTuple):
-    """Row of a survey on the page; `why` is its problem or the first reason of its verdict."""
-
-    row: SurveyRow
-    name: str
-    link: str
-    sigma: str
-    w: str
-    looks: str
-    why: str
-
-
-class PooledRow(NamedTuple):
-    """Row of pooled statistics, or of a camera's drift, with its interpretation."""
-
-    found: PooledRatio | Drift
-    words: str
-    is_bad: bool
-
-
 def render_batch_page(batch: Batch, folder: Path) -> str:
     """Render the page as text; it loads nothing from elsewhere."""
     links = {row.project: _report_address(row, folder) for row in batch.rows if row.output}
     return page(
         "batch.html",
         batch=batch,
-        kinds=KINDS,
         verdict=summarise_batch(batch),
         map=batch_map(batch, links),
-        lines=[_survey_row(row, links) for row in sorted(batch.rows, key=_sort_worst_first)],
-        pooled=[PooledRow(one, describe_pooled(one), one.is_small) for one in batch.pooled],
-        drifts=[
-            PooledRow(one, describe_drift(one), one.is_off or one.drifts) for one in batch.drifts
-        ],
+        surveys=make_table(
+            "survey | verdict | *mean ± [m] | >worst misfit [σ] | taken | camera, drone | warnings",
+            (_survey_row(row, links) for row in sorted(batch.rows, key=_sort_worst_first)),
+        ),
+        pooled=make_table(
+            "surveys of | what | >surveys | >numbers | *error / ± | >95 % range | ",
+            map(_pooled_row, batch.pooled),
+        ),
+        drifts=make_table(
+            "camera | parameter | >surveys | >surveys minus file | >change a year | ",
+            map(_drift_row, batch.drifts),
+        ),
     )
 
 
-def _survey_row(row: SurveyRow, links: dict[str, str]) -> PageRow:
-    return PageRow(
-        row=row,
-        name=display_name(row),
-        link=links.get(row.project, ""),
-        sigma=number(row.mean_sigma_m),
-        w=number(row.worst_w, 1, signed=True),
-        looks=row.level or "none",
-        why=row.message or row.sentence.partition(". ")[2],
+def _survey_row(row: SurveyRow, links: dict[str, str]) -> Row:
+    """Return the cells of a survey; below its verdict is its problem, or the first reason."""
+    why = row.message or row.sentence.partition(". ")[2]
+    looks = {"green": "good", "amber": "look"}
+    cells = (
+        Cell(display_name(row), link=links.get(row.project, "")),
+        Cell(
+            row.level or row.status,
+            below=why if row.level != "green" else "",
+            look=looks.get(row.level or "", "bad"),
+        ),
+        number(row.mean_sigma_m),
+        number(row.worst_w, 1, signed=True),
+        row.taken_utc[:10],
+        Cell(row.camera, below=row.drone),
+        ", ".join(row.warnings),
     )
+    return Row(cells, row.status == "failed")
+
+
+def _pooled_row(one: PooledRatio) -> Row:
+    cells = (
+        "all" if one.of == "all" else f"{one.of} {one.name}",
+        KINDS[one.kind],
+        str(one.surveys),
+        number(one.freedom, 0),
+        number(one.ratio, 2),
+        f"{number(one.low, 2)} to {number(one.high, 2)}",
+        describe_pooled(one),
+    )
+    return Row(cells, one.is_small)
+
+
+def _drift_row(one: Drift) -> Row:
+    change = f"{one.per_year:+.3g} ± {one.per_year_sigma:.2g}"
+    cells = (
+        one.camera,
+        one.parameter,
+        str(one.surveys),
+        f"{one.offset:+.3g} ± {one.offset_sigma:.2g}",
+        change if math.isfinite(one.per_year_sigma) else "–",
+        describe_drift(one),
+    )
+    return Row(cells, one.is_off or one.drifts)
 
 
 def _sort_worst_first(row: SurveyRow) -> tuple[int, float]:

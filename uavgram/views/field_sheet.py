@@ -24,14 +24,13 @@ from uavgram.views.flight_plan import (
     describe_criterion,
     find_unchecked_lines,
     flight_facts,
-    line_rows,
+    lay_table,
     list_assumptions,
     metres,
-    plate_rows,
     plate_side,
     summarise_work,
     take_off_words,
-    value_rows,
+    value_table,
 )
 from uavgram.views.pages import PAPER_SIZES, page, page_pdf
 from uavgram.views.survey.drawing import HATCH, PAPER, Drawing, Look
@@ -263,7 +262,7 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
     units
         Units in which lengths are shown.
     """
-    lengths = planned.lines.length_m
+    lengths, unit = planned.lines.length_m, table_unit(units).symbol
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
     return page(
         "field_sheet/page.html",
@@ -271,9 +270,10 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         view=field_drawing(planned, units),
         headline=summarise_work(planned),
         outcome=describe_accuracy(planned),
-        lines=line_rows(planned),
-        plates=plate_rows(planned),
-        wanted=value_rows(planned, units),
+        lines=planned.lines.name,
+        plates=planned.plates.name,
+        laid=lay_table(planned, "lies" if planned.plates.name else f"you read, {unit}"),
+        wanted=value_table(planned, units),
         facts=flight_facts(planned),
         corners=corners_on_earth(planned),
         unchecked=find_unchecked_lines(planned),
@@ -286,7 +286,6 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         length_of_map=metres(planned.grid.length_m),
         has_log=planned.assumptions.telemetry != "none",
         units=units,
-        length_unit=table_unit(units).symbol,
         kept_names=select_like_lengths(named),
     )
 

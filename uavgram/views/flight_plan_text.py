@@ -16,13 +16,13 @@ from uavgram.views.flight_plan import (
     plate_rows,
     specify_lengths,
     summarise_work,
+    value_table,
 )
-from uavgram.views.formatting import number
-from uavgram.views.terminal import align_columns, message_lines
+from uavgram.views.tables import align_columns, format_table
+from uavgram.views.terminal import message_lines
 
 LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
 PLATES = ("plate", "middle", "photos", "expect without it")
-VALUES = ("measurement", "about", "± to expect", "± wanted", "")
 
 
 def plan_lines(planned: FlightPlanned) -> list[str]:
@@ -46,7 +46,7 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
     if planned.plates.name:
         shown += [align_columns([PLATES, *_plate_rows(planned)], right=(2, 3)), ""]
     if planned.measurements.name:
-        shown += [align_columns([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
+        shown += [format_table(value_table(planned)), ""]
     mean = _sigma(planned, planned.mean_sigma)
     shown.append(f"On average{specify_lengths(planned)} expect ± {mean}. Other choices:")
     shown += [f"  {_gain(planned, gain)}" for gain in planned.gains]
@@ -72,20 +72,6 @@ def _plate_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
     for row, without in zip(plate_rows(planned), planned.plates.mean_sigma_without, strict=True):
         left = "no scale" if row.is_needed else f"± {_sigma(planned, float(without))}"
         yield row.name, row.place, str(row.photos), left
-
-
-def _value_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
-    wanted = planned.measurements
-    for i, name in enumerate(wanted.name):
-        unit, good = wanted.unit[i], float(wanted.wanted_sigma[i])
-        sigma = float(wanted.sigma[i])
-        yield (
-            name,
-            f"{number(float(wanted.value[i]))} {unit}",
-            f"{sigma:.2g} {unit}",
-            "" if math.isnan(good) else f"{good:.2g} {unit}",
-            "" if not sigma > good else "not reached",
-        )
 
 
 def _gain(planned: FlightPlanned, gain: Gain) -> str:

@@ -10,7 +10,7 @@ import logging
 import re
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib.util import cache_from_source
@@ -33,11 +33,11 @@ from uavgram.model.maps import Paper
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
 from uavgram.views import formatting
+from uavgram.views.tables import markdown, plain
 from uavgram.views.units import (
     convert_sentence,
     exact_lengths,
     list_names_like_lengths,
-    table_unit,
     units_of,
 )
 
@@ -71,58 +71,23 @@ class CompiledTemplates(jinja2.FileSystemBytecodeCache):
             super().dump_bytecode(bucket)
 
 
-# Longer tables are in the files beside the recording.
-MAX_ROWS = 200
-
-
-def plain(text: str) -> str:
-    """Escape text written by a person so that Markdown shows it unchanged."""
-    return re.sub(r"([\\`*_{}\[\]<>#|~$!])", r"\\\1", " ".join(text.split()))
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Format a Markdown table, with a note if rows are omitted."""
-    body = ["| " + " | ".join(cells) + " |" for cells in rows[:MAX_ROWS]]
-    more = len(rows) - MAX_ROWS
-    note = [f"\n{more} more rows are in the report and in results.json."] if more > 0 else []
-    rule = "|" + " --- |" * len(header)
-    return "\n".join(["| " + " | ".join(header) + " |", rule, *body, *note])
-
-
 WORDS = (
     formatting.number,
-    formatting.chance,
-    formatting.plus_minus,
-    formatting.each_plus_minus,
-    formatting.parameter_text,
-    formatting.axes_text,
     formatting.size_text,
     formatting.utc,
     plain,
+    markdown,
 )
 """Filters of the templates, by their names: numbers and texts are formatted as everywhere else."""
 
 
 def make_unit_variables(result: Result) -> dict[str, object]:
-    """Return the variables of a survey's template that define its units.
-
-    Tables have the `length_unit` in their heads, and numbers by the filter `in_length_unit`. Texts
-    that contain their unit, such as ``1.40 m``, are converted when they are written: see
-    `_convert_lengths`.
-    """
-    units = units_of(result)
+    """Return the variables of a survey's template by which `_convert_lengths` converts texts."""
     return {
-        "units": units,
-        "length_unit": table_unit(units).symbol,
+        "units": units_of(result),
         "kept_names": list_names_like_lengths(result),
         "exact_lengths": exact_lengths(result),
     }
-
-
-@pass_context
-def in_length_unit(context: Context, length_m: Any) -> Any:  # noqa: ANN401 (a number or an array)
-    """Convert a length, or an array of lengths, to the unit of the table heads."""
-    return length_m * table_unit(context.get("units", METRIC)).factor
 
 
 _PICTURE = "data:image/"
@@ -171,8 +136,7 @@ def page_environment() -> Environment:
         bytecode_cache=CompiledTemplates(),
     )
     environment.filters.update({word.__name__: word for word in WORDS})
-    environment.filters["in_length_unit"] = in_length_unit
-    environment.globals.update(zip=zip, most_rows=MAX_ROWS)
+    environment.globals.update(zip=zip)
     return environment
 
 

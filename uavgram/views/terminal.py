@@ -23,6 +23,7 @@ from uavgram.views.formatting import (
 )
 from uavgram.views.result_tables import result_table
 from uavgram.views.survey.verdict import scale_sentence, verdict_sentence
+from uavgram.views.tables import align_columns, format_table
 from uavgram.views.units import convert_sentence, format_value, units_of
 
 
@@ -46,11 +47,7 @@ def measurement_table(result: Result, most: int = 0) -> str:
     shown = result_table(
         "measured", result, order_worst_first(rows)[: most or None].tolist(), "terminal"
     )
-    cells = [shown.titles, *(tuple(cell.text for cell in row) for row in shown.rows)]
-    right = tuple(
-        k for k, title in enumerate(shown.titles) if shown.numbers[k] or title == "status"
-    )
-    return align_columns(cells, right) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
+    return format_table(shown) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
 
 
 def findings_lines(result: Result, *, verbose: bool) -> list[str]:
@@ -97,19 +94,6 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
     shown = [m for m in messages if verbose or not entry_of(m.code).is_detail]
     ordered = sorted(shown, key=lambda message: LEVEL_RANK[message.level])
     return [f"{message.level}: {message.text} [{message.code}]" for message in ordered]
-
-
-def align_columns(cells: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
-    """Format rows of text as columns two blanks apart, with a rule below the first row."""
-    widths = [max(len(row[c]) for row in cells) for c in range(len(cells[0]))]
-    lines = [
-        "  ".join(
-            text.rjust(width) if c in right else text.ljust(width)
-            for c, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in cells
-    ]
-    return "\n".join([lines[0], "-" * max(len(line) for line in lines), *lines[1:]])
 
 
 def truth_table(result: Result, truth: Mapping[str, float]) -> str:

@@ -27,7 +27,6 @@ from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import annex_of, render_annex, render_report, write_report
-from uavgram.views.report.checks import draw_gauge
 from uavgram.views.report.measurements import (
     COLOURS,
     OTHER_COLOUR,
@@ -35,6 +34,7 @@ from uavgram.views.report.measurements import (
     describe_learnt_noise,
 )
 from uavgram.views.survey.key_facts import ONLY_PROGRAM, ties_text
+from uavgram.views.tables import draw_gauge
 
 VARIANTS = [
     {},

@@ -12,11 +12,16 @@ from uavgram.model.arrays import Floats
 from uavgram.model.board import CalibrationAccount, CalibrationResult
 from uavgram.model.camera import Calibration, CameraProvenance
 from uavgram.views.calibration.drawings import SQRT2
-from uavgram.views.calibration.verdict import calibration_facts, judge_calibration, pixels_text
+from uavgram.views.calibration.verdict import (
+    calibration_facts,
+    judge_calibration,
+    parameter_table,
+    pixels_text,
+)
 from uavgram.views.formatting import number
-from uavgram.views.terminal import align_columns, message_lines
+from uavgram.views.tables import align_columns, format_table
+from uavgram.views.terminal import message_lines
 
-_PIXELS = {"fx", "fy", "cx", "cy"}
 _MAP_COLUMNS, _MAP_ROWS = 7, 5
 NINETY_FIVE = 2.4477  # limit of a two-dimensional normal error, in sigmas
 
@@ -43,7 +48,7 @@ def camera_lines(
         f"{calibration.name}: {calibration.model} lens, {size}",
         *([] if provenance is None else provenance_lines(provenance)),
         "",
-        align_columns(parameter_cells(calibration), right=(1, 2, 3)),
+        format_table(parameter_table(calibration)),
         "",
         "correlations",
         align_columns(
@@ -67,23 +72,6 @@ def provenance_lines(provenance: CameraProvenance) -> list[str]:
     if provenance.variance_factor is not None:
         lines.append(f"variance factor {provenance.variance_factor:.3f}")
     return lines
-
-
-def parameter_cells(calibration: Calibration) -> list[tuple[str, ...]]:
-    """Return header and rows: parameter, value, sigma, and relative sigma of fx and fy."""
-    cells: list[tuple[str, ...]] = [("parameter", "value", "1 sigma", "sigma/value")]
-    sigma = np.sqrt(calibration.covariance.diagonal())
-    for name, value, error in zip(
-        calibration.parameter_names, calibration.parameters.tolist(), sigma.tolist(), strict=True
-    ):
-        share = f"{100 * error / value:.3f} %" if name in {"fx", "fy"} else "–"
-        known = _value(name, error) if error else "held"
-        cells.append((name, _value(name, value), known, share))
-    return cells
-
-
-def _value(name: str, value: float) -> str:
-    return f"{value:.3f} px" if name in _PIXELS else f"{value:.6f}"
 
 
 def _correlation_cells(calibration: Calibration, correlation: Floats) -> list[tuple[str, ...]]:
@@ -201,7 +189,7 @@ def calibration_lines(account: CalibrationAccount) -> list[str]:
     return [
         f"{camera.name}: {camera.model} lens, {camera.width_px} x {camera.height_px} px",
         "",
-        align_columns(parameter_cells(camera), right=(1, 2, 3)),
+        format_table(parameter_table(camera)),
         "",
         verdict.sentence,
         verdict.counts,

@@ -35,6 +35,7 @@ from uavgram.views.survey.outlines import (
 from uavgram.views.survey.text_placement import TextRequest, box
 from uavgram.views.survey.top_view import list_used_labels
 from uavgram.views.survey.verdict import status_text
+from uavgram.views.tables import Cell, Table, make_table
 from uavgram.views.units import round_bar, units_of
 
 
@@ -156,14 +157,6 @@ class PhotoPicture(NamedTuple):
     origin: str
 
 
-class PhotoFile(NamedTuple):
-    """Photo that is shown: its name and SHA-256, and how it was brightened."""
-
-    name: str
-    sha256: str
-    stretch: str
-
-
 class Gallery(NamedTuple):
     """All pictures of a report.
 
@@ -179,7 +172,7 @@ class Gallery(NamedTuple):
         Pictures of the annex: other measurements, points, and names of subjects not shown.
     """
 
-    files: tuple[PhotoFile, ...]
+    files: Table
     brightened: tuple[str, ...]
     overview: tuple[PhotoPicture, ...]
     measurements: tuple[PhotoPicture, ...]
@@ -232,9 +225,12 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     brightened = {one.region.frame for one in pictures.shown if one.stretch is not None}
     names = result.frames.frame_id
     return Gallery(
-        files=tuple(
-            PhotoFile(names[f], photo_sha256(result, f), words)
-            for f, words in sorted(stretch.items())
+        files=make_table(
+            "photo | SHA-256 of the file | shown",
+            (
+                (names[f], Cell(photo_sha256(result, f) or "–", look="mono"), words)
+                for f, words in sorted(stretch.items())
+            ),
         ),
         brightened=tuple(names[frame] for frame in sorted(brightened)),
         overview=tuple(made["overview"]),

@@ -17,6 +17,7 @@ from uavgram.views.style import INK, diverging_colours
 from uavgram.views.survey.drawing import Drawing, Look
 from uavgram.views.survey.outlines import nice_factor, round_length
 from uavgram.views.survey.text_placement import TextRequest, box
+from uavgram.views.tables import Table, make_table
 from uavgram.views.units import (
     DisplayUnit,
     convert_sentence,
@@ -176,8 +177,8 @@ class ProfileDrawing:
         Heights of the level lines over the first point as texts.
     exaggeration
         Exaggeration of heights against stations.
-    rows
-        Rows of the table: label, then a cell for each of `COLUMNS`.
+    table
+        Label, then a cell for each of `COLUMNS`.
     """
 
     name: str
@@ -185,7 +186,7 @@ class ProfileDrawing:
     labels: tuple[str, ...]
     levels: tuple[str, ...]
     exaggeration: int
-    rows: tuple[tuple[str, ...], ...]
+    table: Table
 
 
 def profile_drawings(result: Result) -> tuple[ProfileDrawing, ...]:
@@ -243,8 +244,9 @@ def _draw(result: Result, name: str, rows: Ints) -> ProfileDrawing:
             for rank, (label, bar) in enumerate(zip(labels, bars, strict=True))
         ]
     )
-    cells = tuple((profiles.label[i], *_cells(result, int(i))) for i in rows)
-    return ProfileDrawing(name, drawing, labels, levels, factor, cells)
+    titles = " | ".join(("point", *(f">{name}, {table_unit(units).symbol}" for name in COLUMNS)))
+    cells = ((profiles.label[i], *_cells(result, int(i))) for i in rows)
+    return ProfileDrawing(name, drawing, labels, levels, factor, make_table(titles, cells))
 
 
 def _levels(low: float, high: float, one: DisplayUnit) -> tuple[Floats, tuple[str, ...]]:
