@@ -374,7 +374,7 @@ def _to_neighbours(source: Source, row: int) -> Cell:
     if not points.neighbours[row]:
         return Cell("–")
     return Cell(
-        size_text(float(points.neighbour_sigma_m[row])),
+        size_text(float(points.neighbour_sigma_m[row]), source.units),
         look="value",
         hint=", ".join(points.neighbours[row]),
     )
@@ -434,7 +434,9 @@ POINTS = (
     TableColumn(">± to its neighbours", _to_neighbours, FULL),
     TableColumn(
         ">95 % half axes within the survey",
-        lambda source, row: axes_text(source.result.points.relative.ellipse_95_m[row]),
+        lambda source, row: axes_text(
+            source.result.points.relative.ellipse_95_m[row], source.units
+        ),
         FULL,
     ),
     TableColumn(
@@ -446,13 +448,13 @@ POINTS = (
     ),
     TableColumn(
         ">95 % half axes on the earth",
-        lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
+        lambda source, row: axes_text(source.result.points.ellipse_95_m[row], source.units),
         FULL,
         when=lambda source: source.is_on_earth,
     ),
     TableColumn(
         ">95 % half axes against photo 1",
-        lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
+        lambda source, row: axes_text(source.result.points.ellipse_95_m[row], source.units),
         FULL,
         when=lambda source: not source.is_on_earth,
     ),

@@ -24,7 +24,7 @@ from uavgram.views.formatting import (
 from uavgram.views.result_tables import result_table
 from uavgram.views.survey.verdict import scale_sentence, verdict_sentence
 from uavgram.views.tables import align_columns, format_table
-from uavgram.views.units import convert_sentence, format_value, units_of
+from uavgram.views.units import format_length, format_value, units_of
 
 
 def measurement_table(result: Result, most: int = 0) -> str:
@@ -165,10 +165,10 @@ def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METR
     datum = "above mean sea level" if tags.datum == "msl" else "above the WGS 84 ellipsoid"
     cells = [("photo", "pose", "latitude", "longitude", "height", "sigma (horizontal, height)")]
     for k, name in enumerate(tags.frame_id):
-        sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
         place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
-        height, spread = (convert_sentence(t, units) for t in (f"{tags.height_m[k]:.2f} m", sigmas))
-        cells.append((name, tags.pose[k], *place, height, spread))
+        lengths = (tags.height_m[k], tags.sigma_horizontal_m[k], tags.sigma_vertical_m[k])
+        height, *spread = (format_length(float(one), units) for one in lengths)
+        cells.append((name, tags.pose[k], *place, height, ", ".join(spread)))
     notes = message_lines(messages)
     return [
         *align_columns(cells, right=(2, 3, 4, 5)).splitlines(),

@@ -248,6 +248,29 @@ def format_fixed(value: float, places: int, *, signed: bool = False) -> str:
     return text if float(text) else f"{0:.{places}f}"
 
 
+def format_length(
+    length_m: float, units: Units, places: int = 2, unit: str = "m", *, signed: bool = False
+) -> str:
+    """Format a length as exactly as with so many decimals in metres: ``1.40 m`` or ``4.59 ft``.
+
+    Parameters
+    ----------
+    length_m
+        The length.
+    units
+        Units in which it is shown.
+    places, unit
+        Decimals, of metres or of centimetres (``cm``).
+    signed
+        Whether a positive length has a plus sign.
+    """
+    value = length_m / _SCALES[unit]
+    text = format_fixed(value, places, signed=signed)
+    if units.length == "m":
+        return f"{text} {unit}"
+    return _one_by_one([_ExactNumber(text, value)], [], unit, units)
+
+
 def round_bar(most_m: float, units: Units) -> tuple[float, str]:
     """Choose a scale bar: length [m], a round number of metres or feet, and its text.
 

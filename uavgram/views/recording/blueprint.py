@@ -44,7 +44,7 @@ from uavgram.views.recording.survey import ALL, CURRENT, GAP, MAP, PROFILES, has
 from uavgram.views.style import Rgb
 from uavgram.views.survey.heights import WIDTH
 from uavgram.views.survey.key_facts import frame_counts
-from uavgram.views.units import convert_sentence, table_unit, units_of
+from uavgram.views.units import table_unit, units_of
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)
@@ -302,7 +302,7 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     position = spot + np.array([0.0, 0.0, EYE_ABOVE * axes[0]])
     shown = ("ground/**", "points/picked", "points/ellipse_95_true_size/**")
     contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{CLOSE_UP}/**"]
-    size = convert_sentence(axes_text(axes), units_of(result))
+    size = axes_text(axes, units_of(result))
     name = f"Worst point {result.points.label[row]}, true scale: {size}"
     return space_view(name, contents, position, spot)
 

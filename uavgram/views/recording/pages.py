@@ -148,7 +148,7 @@ def heights_page(result: Result, standing: OffGround) -> str:
         (
             points.label[row := int(standing.rows[i])],
             Cell(height_of(points, row), look="value"),
-            axes_text(standing.half_axes_m[i]),
+            axes_text(standing.half_axes_m[i], source.units),
             source.length(points.position_world_m[row, 2]),
             str(len(points.frames[row])),
         )

@@ -340,7 +340,11 @@ def _words(
         who = PICKED_BY["hand" if "hand" in sources else sources[0]] if sources else ""
         used = format_count(len(result.points.frames[region.row]), "photo")
         sigma = float(result.points.neighbour_sigma_m[region.row])
-        near = f"; ± {size_text(sigma)} to its neighbours" if np.isfinite(sigma) else ""
+        near = (
+            f"; ± {size_text(sigma, units_of(result))} to its neighbours"
+            if np.isfinite(sigma)
+            else ""
+        )
         return label, f"{who}; used in {used}{near}"
     row = measurement_text(result.measurements, region.row, units_of(result))
     alone = drawn.alone[region.row]

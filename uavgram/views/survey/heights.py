@@ -20,8 +20,8 @@ from uavgram.views.survey.text_placement import TextRequest, box
 from uavgram.views.tables import Table, make_table
 from uavgram.views.units import (
     DisplayUnit,
-    convert_sentence,
     decimals,
+    format_length,
     round_bar,
     table_unit,
     units_of,
@@ -91,7 +91,7 @@ def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:
     source = points.height_source[row]
     value = format_with_sigma(height, sigma, "m", units)
     if not sigma > 0:
-        value = convert_sentence(f"{number(height, 2)} m", units, exact=[abs(height)])
+        value = format_length(height, units)
     word = {"stated": ", stated", "found": ", not free in the picks"}.get(source, "")
     return f"{points.label[row]} {value}{word}"
 
