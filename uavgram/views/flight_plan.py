@@ -12,7 +12,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.naming import METRIC, Units, format_count, join_names
 from uavgram.model.planned import FlightPlanned
 from uavgram.views.formatting import KIND_WORDS
-from uavgram.views.tables import Cell, Table, make_table
+from uavgram.views.tables import Cell, Cells, Table, make_table
 from uavgram.views.units import format_sigma, format_value
 
 
@@ -158,12 +158,12 @@ def lay_table(planned: FlightPlanned, read: str = "") -> Table:
     write = [Cell("", look="write")] if read else []
     more = f" | {read}" if read else ""
     if plates := plate_rows(planned):
-        cells = [
+        cells: list[Cells] = [
             (Cell(row.name, look="tag"), row.place, str(row.photos), _loss(row), *write)
             for row in plates
         ]
         return make_table(f"plate | its middle | >photos | if it is lost{more}", cells)
-    rows = [
+    rows: list[Cells] = [
         (
             Cell(row.name, look="tag"),
             Cell(row.length, look="value"),

@@ -164,7 +164,7 @@ class TableColumn:
     title: str
     cell: Callable[[Source, int], Cell | str]
     places: tuple[Place, ...] = ALL
-    titles: Mapping[Place, str] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)
     when: Callable[[Source], bool] = _always
 
 
@@ -230,12 +230,12 @@ MEASURED = (
     TableColumn("what", _what, ("first page",)),
     TableColumn("kind", _kind, _WHAT_ELSE),
     TableColumn("points", lambda source, row: " – ".join(source.measured(row).points), _WHAT_ELSE),
-    TableColumn(">value ± 1 sigma", _value, titles=_SHORT),  # type: ignore[arg-type]
+    TableColumn(">value ± 1 sigma", _value, titles=_SHORT),
     TableColumn("status", _status, ("recording",)),
     TableColumn(
         ">95 % interval",
         lambda source, row: source.measured(row).interval,
-        titles=_SHORT_95,  # type: ignore[arg-type],
+        titles=_SHORT_95,
     ),
     TableColumn(
         ">sigma/value",

@@ -80,10 +80,13 @@ class Cell(NamedTuple):
     gauge: Gauge | None = None
 
 
+Cells = Sequence[Cell | str]
+
+
 class Row(NamedTuple):
     """Cells of a row, and whether it is one that does not fit."""
 
-    cells: Sequence[Cell | str]
+    cells: Cells
     is_bad: bool = False
 
 
@@ -106,9 +109,7 @@ class Table(NamedTuple):
     bad: tuple[bool, ...]
 
 
-def make_table(
-    titles: str, rows: Iterable[Row | Sequence[Cell | str]], units: Units = METRIC
-) -> Table:
+def make_table(titles: str, rows: Iterable[Row | Cells], units: Units = METRIC) -> Table:
     """Make a table.
 
     Parameters

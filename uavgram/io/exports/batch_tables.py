@@ -18,7 +18,7 @@ Cell = str | float | int | None
 
 
 def _field(name: str) -> Callable[[SurveyRow, str], Cell]:
-    return lambda row, _: getattr(row, name)  # type: ignore[no-any-return]
+    return lambda row, _: getattr(row, name)
 
 
 def _rms(row: SurveyRow, kind: str) -> float:

@@ -49,7 +49,7 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
-from uavgram.views.tables import Cell, make_table, markdown, plain
+from uavgram.views.tables import Cell, Cells, make_table, markdown, plain
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
 MAX_ODD = 20
@@ -106,7 +106,7 @@ def photo_sheet(result: CalibrationResult, k: int) -> str:
     """Write the sheet of one photo: how it fits, and its corners that do not fit."""
     photos, file = result.photos, result.photos.file[k]
     distance = float(np.linalg.norm(photos.poses.center_world_m[k]))
-    facts = [
+    facts: list[Cells] = [
         ("status", Cell(photos.status[k], photos.reason[k], look="value")),
         ("corners", f"{len(rows_by_photo(result)[file])} of {len(result.board.corner_board_m)}"),
         ("residual per coordinate", f"{pixels_text(photos.rms_px[k] / SQRT2)} px"),

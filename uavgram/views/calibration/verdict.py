@@ -11,7 +11,7 @@ from uavgram.model.board import CalibrationAccount, CalibrationResult, LensEffec
 from uavgram.model.camera import Calibration
 from uavgram.views.formatting import LEVEL_RANK, number
 from uavgram.views.survey.outlines import find_largest_finite
-from uavgram.views.tables import Cell, Row, Table, make_table
+from uavgram.views.tables import Cell, Cells, Row, Table, make_table
 
 GOOD_FOCAL = 0.005
 """Limit of a good calibration: relative error of the focal length, or of lengths by the lens."""
@@ -192,7 +192,7 @@ def model_table(result: CalibrationResult) -> Table:
         min((one for one in own if one is not None), default=0.0)
         for own in zip(*scores, strict=True)
     ]
-    rows = [
+    rows: list[Cells] = [
         (
             str(model.coefficients),
             _held(model),

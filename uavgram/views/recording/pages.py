@@ -188,8 +188,7 @@ def frame_sheets(
     template = page_environment().get_template("recording/frame.md")
     frames = result.frames
     sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))[:, :3]
-    place = np.stack([frames.refined.center_world_m, sigma], axis=1)
-    unit = table_unit(units_of(result))
+    center, unit = frames.refined.center_world_m, table_unit(units_of(result))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     w = np.nan_to_num(np.abs(result.picks.w))
     made, shown = frame_origins(result), make_unit_variables(result)
@@ -205,7 +204,7 @@ def frame_sheets(
             curves=curves,
             poses=poses,
             unit=unit,
-            place=each_plus_minus(*(unit.factor * place[i]), 2),
+            place=each_plus_minus(unit.factor * center[i], unit.factor * sigma[i], 2),
             moved_m=moved[i],
             worst_label=result.picks.label[rows[np.argmax(w[rows])]] if len(rows) else "",
         )

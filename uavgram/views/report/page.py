@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
 from itertools import zip_longest
@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.errors import OutputError
 from uavgram.estimation.measuring.error_budget import SOURCES
 from uavgram.estimation.reliability.redundancy import (
     TEST_POWER,
@@ -239,7 +238,7 @@ MAX_LENGTHS, MAX_WARNINGS = 12, 12
 def write_report(
     result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
 ) -> None:
-    """Write the report and its annex; a file is replaced only once the new one is complete.
+    """Write the report and its annex, into a folder whose files appear once all are complete.
 
     Parameters
     ----------
@@ -252,13 +251,14 @@ def write_report(
 
     Raises
     ------
-    OutputError
+    OSError
         If a file cannot be written.
     """
     target = Path(path)
     facts = _facts(result, pictures, target)
     for template, file in ((REPORT, target), (ANNEX, annex_of(target))):
-        _write(embed_pictures(_page(template, facts), pictures), file)
+        with file.open("wb") as stream:
+            stream.writelines(embed_pictures(_page(template, facts), pictures))
 
 
 def annex_of(report: Path) -> Path:
@@ -279,18 +279,6 @@ def render_annex(result: Result, pictures: Pictures = NO_PICTURES) -> str:
 def _render(template: str, result: Result, pictures: Pictures) -> str:
     page = _page(template, _facts(result, pictures, Path("report.html")))
     return b"".join(embed_pictures(page, pictures)).decode()
-
-
-def _write(parts: Iterable[bytes], target: Path) -> None:
-    unfinished = target.with_name(f".{target.name}.unfinished")
-    try:
-        with unfinished.open("wb") as file:
-            file.writelines(parts)
-        unfinished.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: the report cannot be written: {error}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _page(template: str, facts: dict[str, Any]) -> str:

@@ -96,8 +96,8 @@ def check_points(result: Result) -> Table:
             for error, sigma, own in zip(points.error_m[k], points.sigma_m[k], z, strict=True)
         )
         largest = float(np.abs(z).max())
-        cells = (label, *errors, number(float(points.mahalanobis[k]), 1), _within(largest))
-        rows.append(Row(cells, largest > THREE_SIGMA))
+        distance = number(float(points.mahalanobis[k]), 1)
+        rows.append(Row((label, *errors, distance, _within(largest)), largest > THREE_SIGMA))
     axes = " | ".join(f">error {axis} and its uncertainty [m]" for axis in ("east", "north", "up"))
     return make_table(
         f"check point | {axes} | >joint distance over its uncertainty | "
