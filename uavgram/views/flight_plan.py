@@ -145,7 +145,7 @@ def value_table(planned: FlightPlanned, units: Units = METRIC) -> Table:
     return make_table(titles, made)
 
 
-def lay_table(planned: FlightPlanned, read: str = "") -> Table:
+def lay_table(planned: FlightPlanned, read: str = "", *, are_ways_shown: bool = True) -> Table:
     """Return the table of the lines, or else of the plates, to lay out.
 
     Parameters
@@ -154,6 +154,8 @@ def lay_table(planned: FlightPlanned, read: str = "") -> Table:
         The plan.
     read
         Title of a column for handwriting; empty: without it.
+    are_ways_shown
+        Whether the ways to the ends of each line are shown.
     """
     write = [Cell("", look="write")] if read else []
     more = f" | {read}" if read else ""
@@ -167,8 +169,7 @@ def lay_table(planned: FlightPlanned, read: str = "") -> Table:
         (
             Cell(row.name, look="tag"),
             Cell(row.length, look="value"),
-            f"{row.start}: {row.start_place}",
-            f"{row.end}: {row.end_place}",
+            *((f"{row.start}: {row.start_place}", f"{row.end}: {row.end_place}") * are_ways_shown),
             str(row.photos),
             row.mistake or "never: tape it twice",
             _loss(row),
@@ -176,8 +177,9 @@ def lay_table(planned: FlightPlanned, read: str = "") -> Table:
         )
         for row in line_rows(planned)
     ]
-    titles = "line | >about | from | to | >photos | mistake noticed from | if it is lost"
-    return make_table(titles + more, rows)
+    ways = " | from | to" * are_ways_shown
+    titles = f"line | >about{ways} | >photos | mistake noticed from | if it is lost{more}"
+    return make_table(titles, rows)
 
 
 def _loss(row: LineRow | PlateRow) -> Cell:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,17 +11,14 @@ from uavgram.views.flight_plan import (
     centimetres,
     describe_accuracy,
     describe_criterion,
+    lay_table,
     metres,
-    plate_rows,
     specify_lengths,
     summarise_work,
     value_table,
 )
-from uavgram.views.tables import align_columns, format_table
+from uavgram.views.tables import format_table
 from uavgram.views.terminal import message_lines
-
-LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
-PLATES = ("plate", "middle", "photos", "expect without it")
 
 
 def plan_lines(planned: FlightPlanned) -> list[str]:
@@ -41,10 +37,8 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
         f"{flight.battery_s / 60:g} minutes; a pixel is {centimetres(flight.ground_sample_m)}.",
         "",
     ]
-    if planned.lines.name:
-        shown += [align_columns([LINES, *_line_rows(planned)], right=(1, 2, 3, 4)), ""]
-    if planned.plates.name:
-        shown += [align_columns([PLATES, *_plate_rows(planned)], right=(2, 3)), ""]
+    if planned.lines.name or planned.plates.name:
+        shown += [format_table(lay_table(planned, are_ways_shown=False)), ""]
     if planned.measurements.name:
         shown += [format_table(value_table(planned)), ""]
     mean = _sigma(planned, planned.mean_sigma)
@@ -53,25 +47,6 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
     messages = message_lines(planned.messages)
     shown += ["", text] if (text := describe_criterion(planned)) else []
     return [*shown, *(["", *messages] if messages else [])]
-
-
-def _line_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
-    lines = planned.lines
-    for i, name in enumerate(lines.name):
-        passes, without = float(lines.mdb_m[i]), float(lines.mean_sigma_without[i])
-        yield (
-            name,
-            metres(float(lines.length_m[i])),
-            f"{lines.frames_seen[i]:.0f}",
-            "any" if math.isnan(passes) else f"up to {centimetres(passes)}",
-            "no scale" if math.isnan(without) else f"± {_sigma(planned, without)}",
-        )
-
-
-def _plate_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
-    for row, without in zip(plate_rows(planned), planned.plates.mean_sigma_without, strict=True):
-        left = "no scale" if row.is_needed else f"± {_sigma(planned, float(without))}"
-        yield row.name, row.place, str(row.photos), left
 
 
 def _gain(planned: FlightPlanned, gain: Gain) -> str:
