@@ -12,11 +12,11 @@ import numpy as np
 
 from uavgram.geometry.geodesy import EARTH_RADIUS_M
 from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
+from uavgram.model.naming import round_down
 from uavgram.model.result.reliability import VerdictLevel
 from uavgram.views.formatting import number
 from uavgram.views.pages import page
 from uavgram.views.survey.drawing import PAPER, Drawing, Look
-from uavgram.views.survey.outlines import round_length
 from uavgram.views.survey.sheet import lay_sheet
 from uavgram.views.survey.text_placement import Letters
 from uavgram.views.tables import Cell, Row, make_table
@@ -182,7 +182,7 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
         _, y = sheet(size * [west, at])
         drawing.lines("parallel", [np.array([[0.0, y], [WIDTH, y]])], AXIS)
         drawing.write((6.0, y - 4.0), text, side=-1)
-    long = round_length(WIDTH / sheet.scale / 4.0)
+    long = round_down(WIDTH / sheet.scale / 4.0)
     bar = long * sheet.scale
     words = f"{long / 1000.0:g} km" if long >= 1000.0 else f"{long:g} m"
     drawing.scale_bar(WIDTH - 20.0 - bar, 12.0, bar, words)
@@ -206,7 +206,7 @@ def _widen(values: list[float]) -> tuple[float, float]:
 
 def _ticks(low: float, high: float, above: str, below: str) -> list[tuple[float, str]]:
     """Return the round degrees within a range, with their texts."""
-    step = round_length((high - low) / 2.0)
+    step = round_down((high - low) / 2.0)
     digits = max(0, -math.floor(math.log10(step)))
     first, last = math.ceil(low / step), math.floor(high / step)
     return [(k * step, _degrees(k * step, digits, above, below)) for k in range(first, last + 1)]

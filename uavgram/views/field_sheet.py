@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Paper
-from uavgram.model.naming import METRIC, Units
+from uavgram.model.naming import METRIC, Units, round_up
 from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_strips
 from uavgram.views.flight_plan import (
@@ -85,10 +85,7 @@ def _shade_cells(planned: FlightPlanned, drawing: Drawing, paper: Sheet) -> tupl
 def class_edges(sigma_m: Floats) -> Floats:
     """Choose (c + 1,) round class limits in equal steps that enclose some (n,) accuracies."""
     low, high = float(sigma_m.min()), float(sigma_m.max())
-    least = max((high - low) / _STEPS, _MIN_STEP_M)
-    # smallest step of the 1-2-5 series that is not below the least step
-    power = 10.0 ** np.floor(np.log10(least))
-    step = power * min(f for f in (1, 2, 5, 10) if f * power >= least * (1 - 1e-9))
+    step = round_up(max((high - low) / _STEPS, _MIN_STEP_M))
     first = np.floor(low / step + 1e-9)
     last = max(np.ceil(high / step - 1e-9), first + 1)
     return np.asarray(step * np.arange(first, last + 1))

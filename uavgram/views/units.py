@@ -15,7 +15,7 @@ from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from uavgram.model.naming import FOOT_M, METRIC, Units, units_from_options
+from uavgram.model.naming import FOOT_M, METRIC, Units, round_down, units_from_options
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 
@@ -286,8 +286,7 @@ def round_bar(most_m: float, units: Units) -> tuple[float, str]:
         one = DisplayUnit(100.0, "cm", 0, 0)
     elif units.length == "ft-in" and most_m < FOOT_M:
         one = DisplayUnit(1 / INCH_M, "in", 0, 0)
-    power = 10.0 ** math.floor(math.log10(most_m * one.factor))
-    length = power * max(f for f in (1, 2, 5) if f * power <= most_m * one.factor * (1 + 1e-9))
+    length = round_down(most_m * one.factor)
     return length / one.factor, f"{length:g} {one.symbol}"
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from uavgram.geometry.ground.figures import ELLIPSOID_95, error_ellipsoid
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.naming import METRIC, Units
+from uavgram.model.naming import METRIC, Units, round_down
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import COLUMNS, HeightSource, PointResults
 from uavgram.views.formatting import format_with_sigma, height_text, number
 from uavgram.views.style import INK, diverging_colours
 from uavgram.views.survey.drawing import Drawing, Look
-from uavgram.views.survey.outlines import nice_factor, round_length
+from uavgram.views.survey.outlines import nice_factor
 from uavgram.views.survey.text_placement import TextRequest, box
 from uavgram.views.tables import Table, make_table
 from uavgram.views.units import (
@@ -252,7 +252,7 @@ def _draw(result: Result, name: str, rows: Ints) -> ProfileDrawing:
 def _levels(low: float, high: float, one: DisplayUnit) -> tuple[Floats, tuple[str, ...]]:
     """Return round heights [m] in the unit that is shown, and their texts."""
     low, high = low * one.factor, high * one.factor
-    step = round_length(max(high - low, 1e-6) / GRID_LINES * 2.0)
+    step = round_down(max(high - low, 1e-6) / GRID_LINES * 2.0)
     levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
     places = max(0, int(np.ceil(-np.log10(step))))
     texts = tuple(f"{number(level, places)} {one.symbol}" for level in levels.tolist())

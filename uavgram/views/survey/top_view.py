@@ -78,7 +78,15 @@ class Sample(NamedTuple):
     radius: float = 0.0
 
     def draw(self, drawing: Drawing, left: float, right: float, y: float) -> None:
-        """Draw it from left to right at a height, a sign in the middle."""
+        """Draw it from left to right at a height, a sign in the middle.
+
+        Parameters
+        ----------
+        drawing
+            The drawing.
+        left, right, y
+            Where to draw.
+        """
         if self.sign is None:
             drawing.lines("samples", [np.array([[left, y], [right, y]])], self.look)
         else:
