@@ -64,7 +64,7 @@ class Cell(NamedTuple):
     hint, link
         Text shown under the pointer, and address that opens with a click.
     picture
-        Address of a small picture in place of the text.
+        Address of a small picture above the text.
     gauge
         A number of sigmas drawn as a scale.
     """

@@ -10,7 +10,6 @@ import numpy as np
 from uavgram.imaging.photos.preview import shrink_jpeg
 from uavgram.model.board import Board, CalibrationAccount, CalibrationResult, LensEffect
 from uavgram.views.calibration.drawings import (
-    SQRT2,
     coverage_map,
     length_map,
     residual_map,
@@ -18,6 +17,7 @@ from uavgram.views.calibration.drawings import (
     tilt_dial,
     uncertainty_map,
 )
+from uavgram.views.calibration.text import photo_table
 from uavgram.views.calibration.verdict import (
     calibration_facts,
     judge_calibration,
@@ -26,23 +26,21 @@ from uavgram.views.calibration.verdict import (
     odd_corners,
     parameter_table,
     percent,
-    pixels_text,
 )
 from uavgram.views.formatting import chance, number
 from uavgram.views.pages import page
-from uavgram.views.tables import Cell, Row, Table, make_table
+from uavgram.views.tables import Cell, Table, make_table
 
 PICTURE_WIDTH_PX = 300
 MAX_ODD = 60
 """Largest number of corners that do not fit; calibration.json has all."""
 
-PHOTO_WORDS = {"used": "used", "suspect": "SUSPECT", "removed": "removed"}
-
 
 def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> str:
     """Render the page as text; names written by people are escaped, nothing is loaded."""
     result = account.result
-    shown, outliers = _best_photo(result, pictures), odd_corners(result)
+    small = {file: _shrink(picture) for file, picture in pictures.items()}
+    shown, outliers = _best_photo(result, small), odd_corners(result)
     return page(
         "calibration.html",
         account=account,
@@ -66,8 +64,11 @@ def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str
         dial=tilt_dial(result),
         lengths=_lengths(account.effects),
         views=[(effect, length_map(result, effect, shown)) for effect in account.effects],
-        photos=_photos(result, pictures),
-        left_out=_left_out(account, pictures),
+        photos=photo_table(result, small),
+        left_out=make_table(
+            "photo | why",
+            ((Cell(file, picture=small.get(file, "")), why) for file, why in account.left_out),
+        ),
         outliers=outliers._replace(rows=outliers.rows[:MAX_ODD]),
         more_outliers=len(outliers.rows) - MAX_ODD,
     )
@@ -130,39 +131,6 @@ def _lengths(effects: Sequence[LensEffect]) -> Table:
     )
 
 
-def _photos(result: CalibrationResult, pictures: Mapping[str, bytes]) -> Table:
-    photos, rows, table = result.photos, rows_by_photo(result), []
-    for k in np.argsort(-photos.rms_px, kind="stable").tolist():
-        file = photos.file[k]
-        status = [result.corners.status[i] for i in rows[file]]
-        odd = len(status) - status.count("used")
-        distance = float(np.linalg.norm(photos.poses.center_world_m[k]))
-        cells = (
-            Cell("", look="photo", picture=_picture(pictures, file)),
-            file,
-            f"{len(status)}" + (f", {odd} odd" if odd else ""),
-            pixels_text(photos.rms_px[k] / SQRT2),
-            pixels_text(photos.held_out_px[k]),
-            f"{photos.tilt_deg[k]:.0f}°",
-            f"{distance:.2f} m",
-            ": ".join(filter(None, (PHOTO_WORDS[photos.status[k]], photos.reason[k]))),
-        )
-        table.append(Row(cells, photos.status[k] != "used"))
-    return make_table(
-        "picture | photo | >corners | >residual [px] | >when left out [px] | >tilt | >distance | "
-        "status",
-        table,
-    )
-
-
-def _left_out(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> Table:
-    rows = (
-        (Cell("", look="photo", picture=_picture(pictures, file)), file, reason)
-        for file, reason in account.left_out
-    )
-    return make_table("picture | photo | why", rows)
-
-
 def _fit(account: CalibrationAccount) -> list[tuple[str, str]]:
     """Describe the quality of the adjustment."""
     quality, common = account.result.quality, account.common_error_px
@@ -219,16 +187,14 @@ def _options(account: CalibrationAccount) -> list[tuple[str, object]]:
     ]
 
 
-def _best_photo(result: CalibrationResult, pictures: Mapping[str, bytes]) -> str:
+def _best_photo(result: CalibrationResult, pictures: Mapping[str, str]) -> str:
     """Choose the photo with the most corners as background."""
     counts = {file: len(rows) for file, rows in rows_by_photo(result).items()}
     known = [file for file in result.photos.file if file in pictures]
-    return _picture(pictures, max(known, key=lambda file: counts[file])) if known else ""
+    return pictures[max(known, key=lambda file: counts[file])] if known else ""
 
 
-def _picture(pictures: Mapping[str, bytes], file: str) -> str:
-    """Return a small copy as a data URL; empty if there is none."""
-    if file not in pictures:
-        return ""
-    small = shrink_jpeg(pictures[file], PICTURE_WIDTH_PX)
+def _shrink(picture: bytes) -> str:
+    """Return a small copy of a JPEG as a data URL."""
+    small = shrink_jpeg(picture, PICTURE_WIDTH_PX)
     return "data:image/jpeg;base64," + base64.b64encode(small).decode("ascii")
