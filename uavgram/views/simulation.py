@@ -76,11 +76,11 @@ def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Row:
     def text(value: float, *, signed: bool = False) -> str:
         return number(float(value) * one.factor, places, signed=signed)
 
-    def ranged(value: float, ends: Floats, *, signed: bool = False) -> str:
+    def ranged(value: float, ends: Floats, look: str = "", *, signed: bool = False) -> Cell:
         if not math.isfinite(value):
-            return "–"
+            return Cell("–")
         low, high = (text(end, signed=signed) for end in ends)
-        return f"{text(value, signed=signed)} ({low} to {high})"
+        return Cell(text(value, signed=signed), below=f"({low} to {high})", look=look)
 
     z, (z_low, z_high) = float(accuracy.z[i]), accuracy.z_range[i].tolist()
     shares = [number(100 * share, 0) for share in accuracy.coverage[i].tolist()]
@@ -88,10 +88,10 @@ def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Row:
     cells = (
         *(found.name[i], one.symbol, str(int(accuracy.count[i]))),
         ranged(accuracy.bias[i], accuracy.bias_range[i], signed=True),
-        Cell(ranged(spread, accuracy.spread_range[i]), look="value"),
+        ranged(spread, accuracy.spread_range[i], "value"),
         *(text(found.predicted[i]), text(accuracy.stated[i])),
-        *(f"{shares[0]} %", f"{shares[1]} % ({low} to {high})", f"{shares[2]} %"),
-        f"{number(z, 2)} ({number(z_low, 2)} to {number(z_high, 2)})" if z > 0 else "–",
+        *(f"{shares[0]} %", Cell(f"{shares[1]} %", below=f"({low} to {high})"), f"{shares[2]} %"),
+        Cell(number(z, 2), below=f"({number(z_low, 2)} to {number(z_high, 2)})" * bool(z > 0)),
     )
     return Row(cells, z_low > 1.0)
 
@@ -331,8 +331,13 @@ def simulation_lines(simulation: Simulation) -> list[str]:
     simulation
         The simulation.
     """
-    table, effects = format_table(measurement_table(simulation)), effect_table(simulation)
-    lines = [table, "", summarise_simulation(simulation), count_repetitions(simulation.repetitions)]
+    table, effects = measurement_table(simulation), effect_table(simulation)
+    lines = [
+        format_table(table, is_whole=True),
+        "",
+        summarise_simulation(simulation),
+        count_repetitions(simulation.repetitions),
+    ]
     lines += [
         text
         for text in (describe_unstated_errors(simulation), describe_changed_values(simulation))

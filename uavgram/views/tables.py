@@ -140,11 +140,15 @@ def make_table(titles: str, rows: Iterable[Row | Cells], units: Units = METRIC) 
     )
 
 
-def format_table(table: Table) -> str:
-    """Format a table as text, without what is below its cells."""
+def format_table(table: Table, *, is_whole: bool = False) -> str:
+    """Format a table as text; if `is_whole`, what is below a cell is behind it."""
     right = [k for k, is_number in enumerate(table.numbers) if is_number]
     return align_columns(
-        [table.titles, *([cell.text for cell in row] for row in table.rows)], right
+        [
+            table.titles,
+            *([f"{one.text} {one.below * is_whole}".rstrip() for one in row] for row in table.rows),
+        ],
+        right,
     )
 
 
