@@ -124,22 +124,18 @@ def plus_minus(value: float, sigma: float, decimals: int = 3, *, signed: bool = 
     return f"{number(value, decimals, signed=signed)} ± {number(sigma, decimals)}"
 
 
-def each_plus_minus(
-    values: Floats, sigmas: Floats, decimals: int = 3, *, signed: bool = False, between: str = ", "
-) -> str:
+def each_plus_minus(values: Floats, sigmas: Floats, decimals: int = 3) -> str:
     """Format several values with their standard deviations: ``0.12 ± 0.02, 1.50 ± 0.03``.
 
     Parameters
     ----------
     values, sigmas
         (n,) in one unit.
-    decimals, signed
-        See `plus_minus`.
-    between
-        Text between two values.
+    decimals
+        Decimals of all.
     """
     pairs = zip(values, sigmas, strict=True)
-    return between.join(plus_minus(*pair, decimals, signed=signed) for pair in pairs)
+    return ", ".join(plus_minus(*pair, decimals) for pair in pairs)
 
 
 def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:

@@ -118,7 +118,6 @@ def place_texts(
     *,
     ranks: Sequence[int] | None = None,
     most: int | None = None,
-    gap: float = GAP / LINE_ON_SCREEN,
 ) -> Placed:
     """Place level texts of one font size in a view whose y goes down, the first ones first.
 
@@ -139,8 +138,6 @@ def place_texts(
         must be at their objects.
     most
         Largest number of texts; by default all.
-    gap
-        Gap between a text and its object, in heights of a line.
     """
     ranks = range(len(words)) if ranks is None else ranks
     labels = [
@@ -148,7 +145,7 @@ def place_texts(
             spot,
             spot,
             letter * [len(text) + 1.0, 1.0],
-            2.0 * gap * float(letter[1]),
+            2.0 * GAP / LINE_ON_SCREEN * float(letter[1]),
             "at" if rank < 0 else "beside",
             rank=rank,
         )
