@@ -456,7 +456,7 @@ def test_outputs_say_the_same(single: ScenarioWorld, tmp_path: Path) -> None:
     for told in ("\n".join(simulation_lines(worn)), render_simulation_page(worn)):
         assert "does not state: the road has a crown (ground.crown_percent). The ± may" in told
     # ranges stand below their values, or the table is wider than the page
-    assert page.count('<br><span class="within">(') == 4 * len(found.repetitions.name)
+    assert page.count('<span class="sub">(') == 4 * len(found.repetitions.name)
 
 
 def test_what_is_amiss_is_taken_apart(repository: Path) -> None:

@@ -16,14 +16,13 @@ from uavgram.views.units import format_sigma
 
 TITLE = "sigma, as stated"
 COLUMN = TableColumn(
-    TITLE,
+    f">{TITLE}",
     lambda source, row: format_sigma(
         float(source.result.measurements.sigma_stated[row]),
         source.result.measurements.unit[row],
         source.units,
     ),
     ("terminal", "annex", "recording"),
-    is_number=True,
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, fields
@@ -228,3 +229,15 @@ def plate_of(label: str) -> int | None:
     """Return the plate of a corner's label; None for any other label."""
     match = _CORNER.fullmatch(label)
     return int(match[1]) if match else None
+
+
+def round_down(most: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is not larger."""
+    power = 10.0 ** math.floor(math.log10(most))
+    return power * max(f for f in (1, 2, 5) if f * power <= most * (1 + 1e-9))
+
+
+def round_up(least: float) -> float:
+    """Return the smallest of 1, 2, 5 times a power of ten that is not smaller."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return power * min(f for f in (1, 2, 5, 10) if f * power >= least * (1 - 1e-9))

@@ -12,13 +12,14 @@ import numpy as np
 
 from uavgram.geometry.geodesy import EARTH_RADIUS_M
 from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
+from uavgram.model.naming import round_down
 from uavgram.model.result.reliability import VerdictLevel
 from uavgram.views.formatting import number
 from uavgram.views.pages import page
 from uavgram.views.survey.drawing import PAPER, Drawing, Look
-from uavgram.views.survey.outlines import round_length
 from uavgram.views.survey.sheet import lay_sheet
 from uavgram.views.survey.text_placement import Letters
+from uavgram.views.tables import Cell, Row, make_table
 
 KINDS = {
     "checks": "withheld lengths and check points",
@@ -181,7 +182,7 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
         _, y = sheet(size * [west, at])
         drawing.lines("parallel", [np.array([[0.0, y], [WIDTH, y]])], AXIS)
         drawing.write((6.0, y - 4.0), text, side=-1)
-    long = round_length(WIDTH / sheet.scale / 4.0)
+    long = round_down(WIDTH / sheet.scale / 4.0)
     bar = long * sheet.scale
     words = f"{long / 1000.0:g} km" if long >= 1000.0 else f"{long:g} m"
     drawing.scale_bar(WIDTH - 20.0 - bar, 12.0, bar, words)
@@ -205,7 +206,7 @@ def _widen(values: list[float]) -> tuple[float, float]:
 
 def _ticks(low: float, high: float, above: str, below: str) -> list[tuple[float, str]]:
     """Return the round degrees within a range, with their texts."""
-    step = round_length((high - low) / 2.0)
+    step = round_down((high - low) / 2.0)
     digits = max(0, -math.floor(math.log10(step)))
     first, last = math.ceil(low / step), math.floor(high / step)
     return [(k * step, _degrees(k * step, digits, above, below)) for k in range(first, last + 1)]
@@ -220,53 +221,73 @@ _ORDER = {"failed": 0, "waiting": 3}
 _LEVELS = {"red": 1, "amber": 2, "green": 4}
 
 
-class PageRow(NamedTuple):
-    """Row of a survey on the page; `why` is its problem or the first reason of its verdict."""
-
-    row: SurveyRow
-    name: str
-    link: str
-    sigma: str
-    w: str
-    looks: str
-    why: str
-
-
-class PooledRow(NamedTuple):
-    """Row of pooled statistics, or of a camera's drift, with its interpretation."""
-
-    found: PooledRatio | Drift
-    words: str
-    is_bad: bool
-
-
 def render_batch_page(batch: Batch, folder: Path) -> str:
     """Render the page as text; it loads nothing from elsewhere."""
     links = {row.project: _report_address(row, folder) for row in batch.rows if row.output}
     return page(
         "batch.html",
         batch=batch,
-        kinds=KINDS,
         verdict=summarise_batch(batch),
         map=batch_map(batch, links),
-        lines=[_survey_row(row, links) for row in sorted(batch.rows, key=_sort_worst_first)],
-        pooled=[PooledRow(one, describe_pooled(one), one.is_small) for one in batch.pooled],
-        drifts=[
-            PooledRow(one, describe_drift(one), one.is_off or one.drifts) for one in batch.drifts
-        ],
+        surveys=make_table(
+            "survey | verdict | *mean ± [m] | >worst misfit [σ] | taken | camera, drone | warnings",
+            (_survey_row(row, links) for row in sorted(batch.rows, key=_sort_worst_first)),
+        ),
+        pooled=make_table(
+            "surveys of | what | >surveys | >numbers | *error / ± | >95 % range | ",
+            map(_pooled_row, batch.pooled),
+        ),
+        drifts=make_table(
+            "camera | parameter | >surveys | >surveys minus file | >change a year | ",
+            map(_drift_row, batch.drifts),
+        ),
     )
 
 
-def _survey_row(row: SurveyRow, links: dict[str, str]) -> PageRow:
-    return PageRow(
-        row=row,
-        name=display_name(row),
-        link=links.get(row.project, ""),
-        sigma=number(row.mean_sigma_m),
-        w=number(row.worst_w, 1, signed=True),
-        looks=row.level or "none",
-        why=row.message or row.sentence.partition(". ")[2],
+def _survey_row(row: SurveyRow, links: dict[str, str]) -> Row:
+    """Return the cells of a survey; below its verdict is its problem, or the first reason."""
+    why = row.message or row.sentence.partition(". ")[2]
+    looks = {"green": "good", "amber": "look"}
+    cells = (
+        Cell(display_name(row), link=links.get(row.project, "")),
+        Cell(
+            row.level or row.status,
+            below=why if row.level != "green" else "",
+            look=looks.get(row.level or "", "bad"),
+        ),
+        number(row.mean_sigma_m),
+        number(row.worst_w, 1, signed=True),
+        row.taken_utc[:10],
+        Cell(row.camera, below=row.drone),
+        ", ".join(row.warnings),
     )
+    return Row(cells, row.status == "failed")
+
+
+def _pooled_row(one: PooledRatio) -> Row:
+    cells = (
+        "all" if one.of == "all" else f"{one.of} {one.name}",
+        KINDS[one.kind],
+        str(one.surveys),
+        number(one.freedom, 0),
+        number(one.ratio, 2),
+        f"{number(one.low, 2)} to {number(one.high, 2)}",
+        describe_pooled(one),
+    )
+    return Row(cells, one.is_small)
+
+
+def _drift_row(one: Drift) -> Row:
+    change = f"{one.per_year:+.3g} ± {one.per_year_sigma:.2g}"
+    cells = (
+        one.camera,
+        one.parameter,
+        str(one.surveys),
+        f"{one.offset:+.3g} ± {one.offset_sigma:.2g}",
+        change if math.isfinite(one.per_year_sigma) else "–",
+        describe_drift(one),
+    )
+    return Row(cells, one.is_off or one.drifts)
 
 
 def _sort_worst_first(row: SurveyRow) -> tuple[int, float]:

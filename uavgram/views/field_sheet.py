@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Paper
-from uavgram.model.naming import METRIC, Units
+from uavgram.model.naming import METRIC, Units, round_up
 from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_strips
 from uavgram.views.flight_plan import (
@@ -24,14 +24,13 @@ from uavgram.views.flight_plan import (
     describe_criterion,
     find_unchecked_lines,
     flight_facts,
-    line_rows,
+    lay_table,
     list_assumptions,
     metres,
-    plate_rows,
     plate_side,
     summarise_work,
     take_off_words,
-    value_rows,
+    value_table,
 )
 from uavgram.views.pages import PAPER_SIZES, page, page_pdf
 from uavgram.views.survey.drawing import HATCH, PAPER, Drawing, Look
@@ -86,10 +85,7 @@ def _shade_cells(planned: FlightPlanned, drawing: Drawing, paper: Sheet) -> tupl
 def class_edges(sigma_m: Floats) -> Floats:
     """Choose (c + 1,) round class limits in equal steps that enclose some (n,) accuracies."""
     low, high = float(sigma_m.min()), float(sigma_m.max())
-    least = max((high - low) / _STEPS, _MIN_STEP_M)
-    # smallest step of the 1-2-5 series that is not below the least step
-    power = 10.0 ** np.floor(np.log10(least))
-    step = power * min(f for f in (1, 2, 5, 10) if f * power >= least * (1 - 1e-9))
+    step = round_up(max((high - low) / _STEPS, _MIN_STEP_M))
     first = np.floor(low / step + 1e-9)
     last = max(np.ceil(high / step - 1e-9), first + 1)
     return np.asarray(step * np.arange(first, last + 1))
@@ -263,7 +259,7 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
     units
         Units in which lengths are shown.
     """
-    lengths = planned.lines.length_m
+    lengths, unit = planned.lines.length_m, table_unit(units).symbol
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
     return page(
         "field_sheet/page.html",
@@ -271,9 +267,10 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         view=field_drawing(planned, units),
         headline=summarise_work(planned),
         outcome=describe_accuracy(planned),
-        lines=line_rows(planned),
-        plates=plate_rows(planned),
-        wanted=value_rows(planned, units),
+        lines=planned.lines.name,
+        plates=planned.plates.name,
+        laid=lay_table(planned, "lies" if planned.plates.name else f"you read, {unit}"),
+        wanted=value_table(planned, units),
         facts=flight_facts(planned),
         corners=corners_on_earth(planned),
         unchecked=find_unchecked_lines(planned),
@@ -286,7 +283,6 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         length_of_map=metres(planned.grid.length_m),
         has_log=planned.assumptions.telemetry != "none",
         units=units,
-        length_unit=table_unit(units).symbol,
         kept_names=select_like_lengths(named),
     )
 

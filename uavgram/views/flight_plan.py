@@ -9,9 +9,10 @@ import numpy as np
 
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.naming import Units, format_count, join_names
+from uavgram.model.naming import METRIC, Units, format_count, join_names
 from uavgram.model.planned import FlightPlanned
 from uavgram.views.formatting import KIND_WORDS
+from uavgram.views.tables import Cell, Cells, Table, make_table
 from uavgram.views.units import format_sigma, format_value
 
 
@@ -78,28 +79,6 @@ class PlateRow:
     is_needed: bool
 
 
-@dataclass(frozen=True)
-class ValueRow:
-    """Wanted value.
-
-    Attributes
-    ----------
-    name, kind, about
-        Name, kind and approximate value.
-    sigma, wanted
-        Expected and required accuracy; the latter is empty if not stated.
-    is_good
-        Whether the expected accuracy is sufficient; None if no requirement is stated.
-    """
-
-    name: str
-    kind: str
-    about: str
-    sigma: str
-    wanted: str
-    is_good: bool | None
-
-
 def line_rows(planned: FlightPlanned) -> tuple[LineRow, ...]:
     """Return the rows of all lines in their order."""
     lines, area = planned.lines, planned.area_world_m
@@ -146,24 +125,68 @@ def plate_rows(planned: FlightPlanned) -> tuple[PlateRow, ...]:
     )
 
 
-def value_rows(planned: FlightPlanned, units: Units) -> tuple[ValueRow, ...]:
-    """Return the rows of all wanted values in their order, in the units of the project."""
-    rows = planned.measurements
-    made = []
+def value_table(planned: FlightPlanned, units: Units = METRIC) -> Table:
+    """Return the table of all wanted values, in the units of the project."""
+    rows, made = planned.measurements, []
     for k, unit in enumerate(rows.unit):
         sigma, wanted = float(rows.sigma[k]), float(rows.wanted_sigma[k])
         is_asked = math.isfinite(wanted)
         made.append(
-            ValueRow(
-                name=rows.name[k],
-                kind=KIND_WORDS.get(rows.kind[k], rows.kind[k]),
-                about=format_value(float(rows.value[k]), ROUGHLY * sigma, unit, units),
-                sigma=_spread(sigma, unit, units),
-                wanted=_spread(wanted, unit, units) if is_asked else "",
-                is_good=sigma <= wanted if is_asked else None,
+            (
+                Cell(rows.name[k], look="tag"),
+                KIND_WORDS.get(rows.kind[k], rows.kind[k]),
+                format_value(float(rows.value[k]), ROUGHLY * sigma, unit, units),
+                f"± {_spread(sigma, unit, units)}",
+                f"± {_spread(wanted, unit, units)}" if is_asked else "–",
+                Cell("yes" if sigma <= wanted else "NO", look="tag") if is_asked else "–",
             )
         )
-    return tuple(made)
+    titles = "value | kind | >about | *will be known to | >wished | good enough?"
+    return make_table(titles, made)
+
+
+def lay_table(planned: FlightPlanned, read: str = "", *, are_ways_shown: bool = True) -> Table:
+    """Return the table of the lines, or else of the plates, to lay out.
+
+    Parameters
+    ----------
+    planned
+        The plan.
+    read
+        Title of a column for handwriting; empty: without it.
+    are_ways_shown
+        Whether the ways to the ends of each line are shown.
+    """
+    write = [Cell("", look="write")] if read else []
+    more = f" | {read}" if read else ""
+    if plates := plate_rows(planned):
+        cells: list[Cells] = [
+            (Cell(row.name, look="tag"), row.place, str(row.photos), _loss(row), *write)
+            for row in plates
+        ]
+        return make_table(f"plate | its middle | >photos | if it is lost{more}", cells)
+    rows: list[Cells] = [
+        (
+            Cell(row.name, look="tag"),
+            Cell(row.length, look="value"),
+            *((f"{row.start}: {row.start_place}", f"{row.end}: {row.end_place}") * are_ways_shown),
+            str(row.photos),
+            row.mistake or "never: tape it twice",
+            _loss(row),
+            *write,
+        )
+        for row in line_rows(planned)
+    ]
+    ways = " | from | to" * are_ways_shown
+    titles = f"line | >about{ways} | >photos | mistake noticed from | if it is lost{more}"
+    return make_table(titles, rows)
+
+
+def _loss(row: LineRow | PlateRow) -> Cell:
+    """Return the consequence of the loss of a line or a plate."""
+    if row.is_needed:
+        return Cell("do not fly", look="tag")
+    return Cell(f"± {row.without}" if row.without else "little changes")
 
 
 def _spread(sigma: float, unit: str, units: Units) -> str:

@@ -21,15 +21,13 @@ from uavgram.views.flight_plan import (
     describe_alternatives,
     describe_criterion,
     flight_facts,
-    line_rows,
+    lay_table,
     list_assumptions,
     metres,
-    plate_rows,
     summarise_work,
     take_off_words,
-    value_rows,
+    value_table,
 )
-from uavgram.views.pages import plain, table
 from uavgram.views.recording.blueprint import layout, legend_view, page_views, space_view
 from uavgram.views.recording.labels import log_in_space, place_in_space
 from uavgram.views.recording.legend import BAR_PX, LEGEND, LegendPicture
@@ -47,6 +45,7 @@ from uavgram.views.style import (
     scale_colours,
 )
 from uavgram.views.survey.outlines import corner_rays, longest_middle, pyramids
+from uavgram.views.tables import make_table, markdown, plain
 from uavgram.views.units import convert_sentence, select_like_lengths
 
 SUMMARY, LAY, PHOTO = "documents/summary", "documents/lines", "documents/photo"
@@ -79,23 +78,12 @@ def summary_page(planned: FlightPlanned, units: Units) -> str:
     parts = [f"# {plain(summarise_work(planned))}", *map(plain, describe_accuracy(planned))]
     parts += [f"**{plain(m.text)}** `{m.code}`" for m in planned.messages if m.level != "info"]
     if planned.measurements.name:
-        rows = [
-            (
-                plain(row.name),
-                row.about,
-                f"**± {row.sigma}**",
-                f"± {row.wanted}" if row.wanted else "–",
-                {None: "–", True: "yes", False: "**NO**"}[row.is_good],
-            )
-            for row in value_rows(planned, units)
-        ]
-        head = ("value", "about", "will be known to", "wished", "good enough?")
-        parts += ["## What will be measured", table(head, rows)]
-    facts = [(plain(key), f"**{plain(value)}**") for key, value in flight_facts(planned)]
-    parts += ["## The flight", table(("", ""), facts), plain(take_off_words(planned))]
+        parts += ["## What will be measured", markdown(value_table(planned, units))]
+    flight = markdown(make_table(" | *", flight_facts(planned)))
+    parts += ["## The flight", flight, plain(take_off_words(planned))]
     if planned.gains:
-        more = [(plain(gain.what), f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
-        parts += ["## Other choices", table(("with", "on average"), more)]
+        more = [(gain.what, f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
+        parts += ["## Other choices", markdown(make_table("with | on average", more))]
     parts += [
         plain(text) for text in (describe_criterion(planned), list_assumptions(planned)) if text
     ]
@@ -105,25 +93,10 @@ def summary_page(planned: FlightPlanned, units: Units) -> str:
 
 def lines_page(planned: FlightPlanned) -> str:
     """Write the page of lines and plates to lay out, and of alternatives."""
-    rows = [
-        (
-            plain(row.name),
-            f"**{row.length}**",
-            plain(f"{row.start}: {row.start_place}"),
-            plain(f"{row.end}: {row.end_place}"),
-            str(row.photos),
-            row.mistake or "never: tape it twice",
-        )
-        for row in line_rows(planned)
-    ]
-    if planned.plates.name:
-        plates = [(row.name, plain(row.place), str(row.photos)) for row in plate_rows(planned)]
-        laid = table(("plate", "middle", "photos"), plates)
-        return "\n\n".join([laid, *map(plain, describe_alternatives(planned))])
-    if not rows:
+    laid = lay_table(planned)
+    if not laid.rows:
         return "No line is to be laid."
-    head = ("line", "length", "from", "to", "photos", "mistake noticed from")
-    return "\n\n".join([table(head, rows), *map(plain, describe_alternatives(planned))])
+    return "\n\n".join([markdown(laid), *map(plain, describe_alternatives(planned))])
 
 
 def photo_page(planned: FlightPlanned, row: int) -> str:
@@ -134,7 +107,7 @@ def photo_page(planned: FlightPlanned, row: int) -> str:
         ("nose", f"{frames.heading_deg[row] % 360:.0f}° from north"),
         ("camera", f"{-frames.gimbal_pitch_deg[row]:.0f}° below level"),
     ]
-    return f"# {plain(frames.name[row])}\n\n" + table(("", ""), facts)
+    return f"# {plain(frames.name[row])}\n\n" + markdown(make_table(" | ", facts))
 
 
 ROWS_PX = (12, 62)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,17 +11,14 @@ from uavgram.views.flight_plan import (
     centimetres,
     describe_accuracy,
     describe_criterion,
+    lay_table,
     metres,
-    plate_rows,
     specify_lengths,
     summarise_work,
+    value_table,
 )
-from uavgram.views.formatting import number
-from uavgram.views.terminal import align_columns, message_lines
-
-LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
-PLATES = ("plate", "middle", "photos", "expect without it")
-VALUES = ("measurement", "about", "± to expect", "± wanted", "")
+from uavgram.views.tables import format_table
+from uavgram.views.terminal import message_lines
 
 
 def plan_lines(planned: FlightPlanned) -> list[str]:
@@ -41,51 +37,16 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
         f"{flight.battery_s / 60:g} minutes; a pixel is {centimetres(flight.ground_sample_m)}.",
         "",
     ]
-    if planned.lines.name:
-        shown += [align_columns([LINES, *_line_rows(planned)], right=(1, 2, 3, 4)), ""]
-    if planned.plates.name:
-        shown += [align_columns([PLATES, *_plate_rows(planned)], right=(2, 3)), ""]
+    if planned.lines.name or planned.plates.name:
+        shown += [format_table(lay_table(planned, are_ways_shown=False)), ""]
     if planned.measurements.name:
-        shown += [align_columns([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
+        shown += [format_table(value_table(planned)), ""]
     mean = _sigma(planned, planned.mean_sigma)
     shown.append(f"On average{specify_lengths(planned)} expect ± {mean}. Other choices:")
     shown += [f"  {_gain(planned, gain)}" for gain in planned.gains]
     messages = message_lines(planned.messages)
     shown += ["", text] if (text := describe_criterion(planned)) else []
     return [*shown, *(["", *messages] if messages else [])]
-
-
-def _line_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
-    lines = planned.lines
-    for i, name in enumerate(lines.name):
-        passes, without = float(lines.mdb_m[i]), float(lines.mean_sigma_without[i])
-        yield (
-            name,
-            metres(float(lines.length_m[i])),
-            f"{lines.frames_seen[i]:.0f}",
-            "any" if math.isnan(passes) else f"up to {centimetres(passes)}",
-            "no scale" if math.isnan(without) else f"± {_sigma(planned, without)}",
-        )
-
-
-def _plate_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
-    for row, without in zip(plate_rows(planned), planned.plates.mean_sigma_without, strict=True):
-        left = "no scale" if row.is_needed else f"± {_sigma(planned, float(without))}"
-        yield row.name, row.place, str(row.photos), left
-
-
-def _value_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
-    wanted = planned.measurements
-    for i, name in enumerate(wanted.name):
-        unit, good = wanted.unit[i], float(wanted.wanted_sigma[i])
-        sigma = float(wanted.sigma[i])
-        yield (
-            name,
-            f"{number(float(wanted.value[i]))} {unit}",
-            f"{sigma:.2g} {unit}",
-            "" if math.isnan(good) else f"{good:.2g} {unit}",
-            "" if not sigma > good else "not reached",
-        )
 
 
 def _gain(planned: FlightPlanned, gain: Gain) -> str:

@@ -91,16 +91,17 @@ def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
     return shown_units.format_fixed(value, decimals, signed=signed)
 
 
-def size_text(length_m: float) -> str:
+def size_text(length_m: float, units: Units = METRIC) -> str:
     """Format a length: ``4.2 cm`` or ``4.92 m``."""
-    return f"{100 * length_m:.1f} cm" if length_m < 1.0 else f"{length_m:.2f} m"
+    decimals: tuple[int, str] = (1, "cm") if length_m < 1.0 else (2, "m")
+    return shown_units.format_length(length_m, units, *decimals)
 
 
-def axes_text(semi_axes_m: Floats) -> str:
+def axes_text(semi_axes_m: Floats, units: Units = METRIC) -> str:
     """Format the half axes of an ellipse: ``3.0 cm × 2.2 cm``; an en dash if it has no shape."""
     if not semi_axes_m[0] > 0:
         return "–"
-    return " × ".join(size_text(float(axis)) for axis in semi_axes_m)
+    return " × ".join(size_text(float(axis), units) for axis in semi_axes_m)
 
 
 def chance(probability: float) -> str:
@@ -123,22 +124,18 @@ def plus_minus(value: float, sigma: float, decimals: int = 3, *, signed: bool = 
     return f"{number(value, decimals, signed=signed)} ± {number(sigma, decimals)}"
 
 
-def each_plus_minus(
-    values: Floats, sigmas: Floats, decimals: int = 3, *, signed: bool = False, between: str = ", "
-) -> str:
+def each_plus_minus(values: Floats, sigmas: Floats, decimals: int = 3) -> str:
     """Format several values with their standard deviations: ``0.12 ± 0.02, 1.50 ± 0.03``.
 
     Parameters
     ----------
     values, sigmas
         (n,) in one unit.
-    decimals, signed
-        See `plus_minus`.
-    between
-        Text between two values.
+    decimals
+        Decimals of all.
     """
     pairs = zip(values, sigmas, strict=True)
-    return between.join(plus_minus(*pair, decimals, signed=signed) for pair in pairs)
+    return ", ".join(plus_minus(*pair, decimals) for pair in pairs)
 
 
 def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:

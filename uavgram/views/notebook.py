@@ -9,12 +9,10 @@ import sys
 from html import escape
 
 from uavgram.model.result.result import Result
-from uavgram.views.formatting import measurement_text, order_worst_first
+from uavgram.views.formatting import order_worst_first
 from uavgram.views.style import LEVEL_COLOURS, hex_colour
-from uavgram.views.survey.verdict import status_text, verdict_words
+from uavgram.views.survey.verdict import verdict_words
 from uavgram.views.units import convert_sentence, list_names_like_lengths, units_of
-
-COLUMNS = ("measurement", "what", "points", "value ± sigma", "95 % interval", "status")
 
 
 def register_display() -> None:
@@ -47,15 +45,15 @@ def result_html(result: Result) -> str:
 
 
 def _table(result: Result) -> str:
-    rows, units = result.measurements, units_of(result)
-    if not rows.name:
+    """Return the measurements as in the terminal."""
+    from uavgram.views.result_tables import result_table  # noqa: PLC0415 - heavy
+
+    if not result.measurements.name:
         return "<p>Nothing was measured: no measurements were requested.</p>"
-    head = "".join(f"<th>{escape(column)}</th>" for column in COLUMNS)
-    body = []
-    for i in order_worst_first(rows):
-        row = measurement_text(rows, int(i), units)
-        status = status_text(rows, int(i))
-        value = f"{row.value} {row.others}".strip()
-        cells = (row.name, row.kind, " ".join(row.points), value, row.interval, status)
-        body.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+    shown = result_table(
+        "measured", result, order_worst_first(result.measurements).tolist(), "terminal"
+    )
+    head = "".join(f"<th>{escape(title)}</th>" for title in shown.titles)
+    rows = ("".join(f"<td>{escape(cell.text)}</td>" for cell in row) for row in shown.rows)
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -9,12 +9,10 @@ import importlib
 import logging
 import re
 import sys
-import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from html import escape, unescape
 from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,11 +33,11 @@ from uavgram.model.maps import Paper
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
 from uavgram.views import formatting
+from uavgram.views.tables import markdown, plain
 from uavgram.views.units import (
     convert_sentence,
     exact_lengths,
     list_names_like_lengths,
-    table_unit,
     units_of,
 )
 
@@ -73,58 +71,23 @@ class CompiledTemplates(jinja2.FileSystemBytecodeCache):
             super().dump_bytecode(bucket)
 
 
-# Longer tables are in the files beside the recording.
-MAX_ROWS = 200
-
-
-def plain(text: str) -> str:
-    """Escape text written by a person so that Markdown shows it unchanged."""
-    return re.sub(r"([\\`*_{}\[\]<>#|~$!])", r"\\\1", " ".join(text.split()))
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Format a Markdown table, with a note if rows are omitted."""
-    body = ["| " + " | ".join(cells) + " |" for cells in rows[:MAX_ROWS]]
-    more = len(rows) - MAX_ROWS
-    note = [f"\n{more} more rows are in the report and in results.json."] if more > 0 else []
-    rule = "|" + " --- |" * len(header)
-    return "\n".join(["| " + " | ".join(header) + " |", rule, *body, *note])
-
-
 WORDS = (
     formatting.number,
-    formatting.chance,
-    formatting.plus_minus,
-    formatting.each_plus_minus,
-    formatting.parameter_text,
-    formatting.axes_text,
     formatting.size_text,
     formatting.utc,
     plain,
+    markdown,
 )
 """Filters of the templates, by their names: numbers and texts are formatted as everywhere else."""
 
 
 def make_unit_variables(result: Result) -> dict[str, object]:
-    """Return the variables of a survey's template that define its units.
-
-    Tables have the `length_unit` in their heads, and numbers by the filter `in_length_unit`. Texts
-    that contain their unit, such as ``1.40 m``, are converted when they are written: see
-    `_convert_lengths`.
-    """
-    units = units_of(result)
+    """Return the variables of a survey's template by which `_convert_lengths` converts texts."""
     return {
-        "units": units,
-        "length_unit": table_unit(units).symbol,
+        "units": units_of(result),
         "kept_names": list_names_like_lengths(result),
         "exact_lengths": exact_lengths(result),
     }
-
-
-@pass_context
-def in_length_unit(context: Context, length_m: Any) -> Any:  # noqa: ANN401 (a number or an array)
-    """Convert a length, or an array of lengths, to the unit of the table heads."""
-    return length_m * table_unit(context.get("units", METRIC)).factor
 
 
 _PICTURE = "data:image/"
@@ -173,8 +136,7 @@ def page_environment() -> Environment:
         bytecode_cache=CompiledTemplates(),
     )
     environment.filters.update({word.__name__: word for word in WORDS})
-    environment.filters["in_length_unit"] = in_length_unit
-    environment.globals.update(zip=zip, most_rows=MAX_ROWS)
+    environment.globals.update(zip=zip)
     return environment
 
 
@@ -239,159 +201,6 @@ def _add(parts: dict[str, PageFile], kind: str, content: bytes) -> str:
     return address
 
 
-MARK = "plain"
-"""Class of the tables that become text: their cells hold plain words and numbers only."""
-
-ROWS_OF_A_BLOCK = 5
-"""Rows of a block, which is not split over pages; the head is repeated on each page."""
-
-LARGEST_PT, MIN_PT = 7.0, 4.6
-"""Font sizes: as large as the widest line allows; if below the least, the table is kept."""
-
-_ROOM_PT = 182 / 25.4 * 72
-"""Width of the text on A4, the narrower paper."""
-
-_LETTER = 0.61
-"""Width of a fixed-width letter, as a share of its size (DejaVu, Liberation, Courier)."""
-
-_GAP = 2
-_HEAD = 9
-"""Letters of a line of a head, unless its longest word is longer."""
-_TABLE = re.compile(rf'<table class="[^"]*\b{MARK}\b[^"]*">(.*?)</table>', re.DOTALL)
-_ROW = re.compile(r"<tr([^>]*)>(.*?)</tr>", re.DOTALL)
-_TAG = re.compile(r'<span class="(tag[^"]*)">([^<]*)</span>')
-_CELL = re.compile(r"<(t[hd])([^>]*)>(.*?)</\1>", re.DOTALL)
-
-SHEET = """
-.columns { table-layout: fixed; }
-.columns td, .columns th { border: 0 !important; padding: 0 !important; }
-.columns pre { font-family: "DejaVu Sans Mono", monospace; line-height: 1.45; margin: 0; }
-.columns .head { font-weight: 700; color: #5b6470; border-bottom: 0.8pt solid #1b1f24; }
-"""
-"""Style of the text tables."""
-
-
-class _Cell(NamedTuple):
-    """Cell of a table: its text, and parts of it, with the CSS classes of highlighted ones."""
-
-    parts: tuple[tuple[str, str], ...]
-    right: bool
-    head: bool
-
-    @property
-    def text(self) -> str:
-        return "".join(text for text, _ in self.parts)
-
-
-def convert_tables_to_text(html: str) -> str:
-    """Replace the marked tables of a page by text if all their cells are plain and fit.
-
-    A layout program measures each cell of a table three times but a line of text once: a page of
-    correlations takes a tenth of the time of its table and looks the same.
-    """
-    return _TABLE.sub(lambda found: _convert_to_text(found[1]) or found[0], html)
-
-
-def _convert_to_text(table: str) -> str:
-    """Convert a table to text; return an empty text if it has to remain a table."""
-    rows = []
-    for attributes, content in _ROW.findall(table):
-        found = _CELL.findall(content)
-        if attributes or any("<" in _TAG.sub("", markup) for *_, markup in found):
-            return ""
-        cells = [
-            _Cell(_parts(markup, _looks(more)), _is_right(more), tag == "th")
-            for tag, more, markup in found
-        ]
-        rows.append(cells)
-    if not rows or len({len(row) for row in rows}) > 1:
-        return ""
-    # wide letters and letters without width would break the alignment
-    if any(
-        ord(letter) >= 0x300 and letter not in "–—…−" for r in rows for c in r for letter in c.text
-    ):
-        return ""
-    heads, body = ([r for r in rows if r[0].head is is_head] for is_head in (True, False))
-    return _blocks(heads, body, [cell.right for cell in (body or heads)[0]])
-
-
-def _parts(markup: str, looks: str) -> tuple[tuple[str, str], ...]:
-    """Split the content of a cell into texts and their classes: those of the cell or of a tag."""
-    pieces = _TAG.split(markup)  # text, classes of a tag, its text, text after it ...
-    parts = [(pieces[0], looks)]
-    for classes, inside, after in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
-        parts += [(inside, classes), (after, looks)]
-    return tuple((unescape(text).replace("\xad", ""), look) for text, look in parts if text)
-
-
-def _classes(attributes: str) -> list[str]:
-    found = re.search(r'class="([^"]*)"', attributes)
-    return found[1].split() if found else []
-
-
-def _is_right(attributes: str) -> bool:
-    return not {"n", "figures"}.isdisjoint(_classes(attributes))
-
-
-def _looks(attributes: str) -> str:
-    named = _classes(attributes)
-    return " ".join(named) if "tag" in named and "good" not in named else ""
-
-
-def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]) -> str:
-    widths = [
-        max([*(len(row[k].text) for row in body), *(_least(row[k].text) for row in heads)])
-        for k in range(len(right))
-    ]
-    size_pt = min(LARGEST_PT, _ROOM_PT / (_LETTER * (sum(widths) + _GAP * (len(widths) - 1))))
-    if size_pt < MIN_PT:
-        return ""
-    head = "\n".join(line for row in heads for line in _head(row, widths, right))
-    lines = [_line(row, widths, right) for row in body]
-    style = f'style="font-size: {size_pt:.2f}pt"'
-    named = f'<thead><tr><th><pre class="head" {style}>{head}</pre></th></tr></thead>'
-    blocks = "".join(
-        f"<tr><td><pre {style}>{chr(10).join(some)}</pre></td></tr>"
-        for some in (lines[k : k + ROWS_OF_A_BLOCK] for k in range(0, len(lines), ROWS_OF_A_BLOCK))
-    )
-    return f'<table class="columns">{named if head else ""}<tbody>{blocks}</tbody></table>'
-
-
-def _least(text: str) -> int:
-    """Return the length of a head's longest line; heads with columns of their own stay whole."""
-    if "  " in text:
-        return len(text)
-    return max(min(len(text), _HEAD), *map(len, text.split()), 0)
-
-
-def _head(row: list[_Cell], widths: list[int], right: list[bool]) -> list[str]:
-    """Break a head into as many lines as its longest text takes, aligned at the bottom."""
-    cells = [
-        [cell.text] if "  " in cell.text else textwrap.wrap(cell.text, max(width, 1))
-        for cell, width in zip(row, widths, strict=True)
-    ]
-    deep = max(map(len, cells))
-    filled = [[""] * (deep - len(cell)) + cell for cell in cells]
-    parts = (
-        [one._replace(parts=((cell[k], ""),)) for one, cell in zip(row, filled, strict=True)]
-        for k in range(deep)
-    )
-    return [_line(part, widths, right) for part in parts]
-
-
-def _line(cells: list[_Cell], widths: list[int], right: list[bool]) -> str:
-    """Pad the cells to their widths, as HTML."""
-    parts = []
-    for cell, width, is_right in zip(cells, widths, right, strict=True):
-        room = " " * (width - len(cell.text))
-        shown = "".join(
-            f'<span class="{look}">{escape(text)}</span>' if look else escape(text)
-            for text, look in cell.parts
-        )
-        parts.append(room + shown if is_right else shown + room)
-    return (" " * _GAP).join(parts).rstrip()
-
-
 PAPER_SIZES: dict[Paper, str] = {"a4": "A4", "letter": "letter"}
 """Names of the paper sizes in style sheets."""
 
@@ -420,10 +229,10 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
     logging.getLogger("weasyprint").setLevel(logging.ERROR)
     with warnings.catch_warnings(), _pause_garbage_collection():
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
-        short, parts = split_page(convert_tables_to_text(html))
+        short, parts = split_page(html)
         inside = _fetcher(weasyprint, parts)
         source = weasyprint.HTML(string=short, url_fetcher=inside)
-        styles = [weasyprint.CSS(string=SHEET + sheet)]
+        styles = [weasyprint.CSS(string=sheet)]
         written: bytes = source.write_pdf(stylesheets=styles, **options)
     return written
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from uavgram.views.survey.reliability import (
     line_limits,
 )
 from uavgram.views.survey.verdict import status_text
+from uavgram.views.tables import Cell, Row, Table, draw_gauge, make_table
 from uavgram.views.units import format_sigma, table_unit, units_of
 
 Place = Literal["terminal", "first page", "report", "annex", "recording"]
@@ -46,35 +47,6 @@ ALL: tuple[Place, ...] = ("terminal", *PAPER, "recording")
 
 STATUS_LOOKS = {"ok": "good", "not-checked": "look", "doubtful": "look", "contradicted": "bad"}
 BAD_LINES = ("suspect", "removed")
-
-
-class Cell(NamedTuple):
-    """Cell of a table.
-
-    Attributes
-    ----------
-    text, second
-        Its lines; the terminal shows the first only.
-    below
-        Small text below it.
-    look
-        Its appearance: ``good``, ``look`` or ``bad`` give a colour; ``value`` is the main value of
-        the table, ``doubt`` a doubtful and ``struck`` a contradicted one; or empty.
-    tags
-        Short warnings behind the text.
-    hint
-        Text shown under the pointer.
-    gauge
-        A number of sigmas and its limit, drawn as a scale.
-    """
-
-    text: str
-    second: str = ""
-    below: str = ""
-    look: str = ""
-    tags: tuple[str, ...] = ()
-    hint: str = ""
-    gauge: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,9 +105,24 @@ class Source:
         """Return a measurement in words."""
         return measurement_text(self.result.measurements, row, self.units)
 
-    def length(self, value_m: float, *, signed: bool = False) -> str:
-        """Return a length in the unit of the titles."""
-        return number(table_unit(self.units).factor * float(value_m), signed=signed)
+    def length(self, value_m: float, decimals: int = 3, *, signed: bool = False) -> str:
+        """Return a length in the unit of the titles.
+
+        Parameters
+        ----------
+        value_m
+            The length.
+        decimals, signed
+            See `number`.
+        """
+        return number(table_unit(self.units).factor * float(value_m), decimals, signed=signed)
+
+    def found_length(self, row: int) -> str:
+        """Return a known length as adjusted, in the unit of the titles."""
+        lines = self.result.lines
+        if not np.isfinite(lines.adjusted_m[row]):
+            return "–"
+        return self.length_with_sigma(lines.adjusted_m[row], lines.adjusted_sigma_m[row])
 
     def length_with_sigma(self, value_m: float, sigma_m: float, *, signed: bool = False) -> str:
         """Return a length and its sigma in the unit of the titles.
@@ -162,16 +149,14 @@ class TableColumn:
     Attributes
     ----------
     title
-        Heading; ``[m]`` becomes the unit of lengths, ``[relief]`` the height to which shifts by
-        relief refer.
+        Heading, as in `make_table`; ``[relief]`` becomes the height to which shifts by relief
+        refer.
     cell
         Function that makes the cell of a row.
     places
         Places that show the column, in the order of the table.
     titles
         Other titles, by place.
-    is_number
-        Whether it is aligned to the right.
     when
         Function that returns whether a result has the column.
     """
@@ -179,34 +164,8 @@ class TableColumn:
     title: str
     cell: Callable[[Source, int], Cell | str]
     places: tuple[Place, ...] = ALL
-    titles: Mapping[Place, str] = field(default_factory=dict)
-    is_number: bool = False
+    titles: Mapping[str, str] = field(default_factory=dict)
     when: Callable[[Source], bool] = _always
-
-
-class TableContent(NamedTuple):
-    """Table as a place shows it.
-
-    Attributes
-    ----------
-    titles, numbers
-        (c,) titles of its columns, and whether they are aligned to the right.
-    rows
-        Cells of each row.
-    bad
-        Whether each row is one that does not fit.
-    """
-
-    titles: tuple[str, ...]
-    numbers: tuple[bool, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    bad: tuple[bool, ...]
-
-    @property
-    def heads(self) -> tuple[str, ...]:
-        """(c,) titles in the notation of templates/tables.html."""
-        marks = zip(self.titles, self.numbers, strict=True)
-        return tuple(f">{title}" if is_number else title for title, is_number in marks)
 
 
 def _kind(source: Source, row: int) -> Cell:
@@ -261,8 +220,8 @@ def _tape(source: Source, row: int) -> str:
 
 
 _WHAT_ELSE: tuple[Place, ...] = ("terminal", "report", "annex")
-_SHORT = {"first page": "value ± standard uncertainty", "report": "value ± standard uncertainty"}
-_SHORT_95 = dict.fromkeys(("first page", "report"), "true in 19 of 20 cases within")
+_SHORT = dict.fromkeys(("first page", "report"), ">value ± standard uncertainty")
+_SHORT_95 = dict.fromkeys(("first page", "report"), ">true in 19 of 20 cases within")
 
 MEASURED = (
     TableColumn(
@@ -271,19 +230,17 @@ MEASURED = (
     TableColumn("what", _what, ("first page",)),
     TableColumn("kind", _kind, _WHAT_ELSE),
     TableColumn("points", lambda source, row: " – ".join(source.measured(row).points), _WHAT_ELSE),
-    TableColumn("value ± 1 sigma", _value, titles=_SHORT, is_number=True),  # type: ignore[arg-type]
+    TableColumn(">value ± 1 sigma", _value, titles=_SHORT),
     TableColumn("status", _status, ("recording",)),
     TableColumn(
-        "95 % interval",
+        ">95 % interval",
         lambda source, row: source.measured(row).interval,
-        titles=_SHORT_95,  # type: ignore[arg-type]
-        is_number=True,
+        titles=_SHORT_95,
     ),
     TableColumn(
-        "sigma/value",
+        ">sigma/value",
         lambda source, row: source.measured(row).relative,
         ("terminal", "annex"),
-        is_number=True,
     ),
     TableColumn("status", _status, ("terminal", *PAPER)),
     TableColumn(
@@ -294,21 +251,19 @@ MEASURED = (
     ),
     TableColumn("kind", _kind, ("recording",)),
     TableColumn(
-        "sampled sigma",
+        ">sampled sigma",
         _sampled_sigma,
         ("annex",),
-        is_number=True,
         when=lambda source: source.result.monte_carlo is not None,
     ),
     TableColumn(
-        "sampled 95 % interval",
+        ">sampled 95 % interval",
         _sampled_interval,
         ("annex",),
-        is_number=True,
         when=lambda source: source.result.monte_carlo is not None,
     ),
-    TableColumn("[relief] of relief", _relief, ("annex",), is_number=True),
-    TableColumn("1 % of tape", _tape, ("annex",), is_number=True),
+    TableColumn(">[relief] of relief", _relief, ("annex",)),
+    TableColumn(">1 % of tape", _tape, ("annex",)),
 )
 """Columns of the measurements."""
 
@@ -323,16 +278,9 @@ def _taped(source: Source, row: int) -> str:
     return source.length_with_sigma(lines.length_m[row], lines.sigma_m[row])
 
 
-def _found(source: Source, row: int) -> str:
-    lines = source.result.lines
-    if not np.isfinite(lines.adjusted_m[row]):
-        return "–"
-    return source.length_with_sigma(lines.adjusted_m[row], lines.adjusted_sigma_m[row])
-
-
 def _w(source: Source, row: int) -> Cell:
     w = float(source.result.lines.w[row])
-    return Cell(number(w, 1, signed=True), gauge=(w, float(source.limits[row])))
+    return Cell(number(w, 1, signed=True), gauge=draw_gauge(w, float(source.limits[row])))
 
 
 def _line_effect(source: Source, row: int) -> str:
@@ -359,27 +307,24 @@ LENGTHS = (
     ),
     TableColumn("length", lambda source, row: source.result.lines.name[row], ("recording",)),
     TableColumn("ends", _ends, ("recording",)),
-    TableColumn("taped [m]", _taped, _LENGTH_PLACES, is_number=True),
-    TableColumn("found [m]", _found, _LENGTH_PLACES, is_number=True),
+    TableColumn(">taped [m]", _taped, _LENGTH_PLACES),
+    TableColumn(">found [m]", Source.found_length, _LENGTH_PLACES),
     TableColumn(
-        "difference [m]",
+        ">difference [m]",
         lambda source, row: source.length(source.result.lines.residual_m[row], signed=True),
         _LENGTH_PLACES,
-        is_number=True,
     ),
-    TableColumn("w", _w, FULL, is_number=True),
+    TableColumn(">w", _w, FULL),
     TableColumn("status", _line_status, ("recording",)),
     TableColumn(
-        "redun\u00addancy",
+        ">redun\u00addancy",
         lambda source, row: number(float(source.result.lines.redundancy[row]), 2),
         FULL,
-        is_number=True,
     ),
     TableColumn(
-        "smallest error that shows [m]",
+        ">smallest error that shows [m]",
         lambda source, row: source.length(source.result.lines.mdb_m[row]),
         FULL,
-        is_number=True,
     ),
     TableColumn("which, unseen, would move", _line_effect, FULL),
     TableColumn("status", _line_status, PAPER),
@@ -429,7 +374,7 @@ def _to_neighbours(source: Source, row: int) -> Cell:
     if not points.neighbours[row]:
         return Cell("–")
     return Cell(
-        size_text(float(points.neighbour_sigma_m[row])),
+        size_text(float(points.neighbour_sigma_m[row]), source.units),
         look="value",
         hint=", ".join(points.neighbours[row]),
     )
@@ -443,86 +388,77 @@ def _photos(source: Source, row: int) -> Cell:
 POINTS = (
     TableColumn("label", lambda source, row: source.result.points.label[row], FULL),
     TableColumn(
-        "east, north, up [m]",
+        ">east, north, up [m]",
         _place,
         FULL,
-        is_number=True,
         when=lambda source: not source.has_three_sigmas,
     ),
     TableColumn(
-        "east, north, up, and their sigmas on the earth [m]",
+        ">east, north, up, and their sigmas on the earth [m]",
         _place_with_sigmas,
         FULL,
-        is_number=True,
         when=lambda source: source.has_three_sigmas and source.is_on_earth,
     ),
     TableColumn(
-        "east, north, up, and their sigmas against photo 1 [m]",
+        ">east, north, up, and their sigmas against photo 1 [m]",
         _place_with_sigmas,
         FULL,
-        is_number=True,
         when=lambda source: source.has_three_sigmas and not source.is_on_earth,
     ),
     TableColumn(
-        "height over the ground",
+        ">height over the ground",
         _height,
         ("annex",),
-        is_number=True,
         when=lambda source: source.has_heights,
     ),
     TableColumn(
-        "above the ground",
+        ">above the ground",
         lambda source, row: (
             height_of(source.result.points, row) if source.result.points.is_off_ground[row] else "–"
         ),
         ("recording",),
-        is_number=True,
         when=lambda source: source.has_heights,
     ),
     TableColumn(
-        "ground off its plane [m]",
+        ">ground off its plane [m]",
         _off_plane,
         FULL,
-        is_number=True,
         when=lambda source: source.is_uneven,
     ),
     TableColumn(
-        "latitude, longitude [°]",
+        ">latitude, longitude [°]",
         _latitude_longitude,
         ("annex",),
-        is_number=True,
         when=lambda source: source.is_on_earth,
     ),
-    TableColumn("± to its neighbours", _to_neighbours, FULL, is_number=True),
+    TableColumn(">± to its neighbours", _to_neighbours, FULL),
     TableColumn(
-        "95 % half axes within the survey",
-        lambda source, row: axes_text(source.result.points.relative.ellipse_95_m[row]),
+        ">95 % half axes within the survey",
+        lambda source, row: axes_text(
+            source.result.points.relative.ellipse_95_m[row], source.units
+        ),
         FULL,
-        is_number=True,
     ),
     TableColumn(
-        "azimuth",
+        ">azimuth",
         lambda source, row: (
             f"{np.degrees(source.result.points.relative.ellipse_azimuth_rad[row]):.0f}°"
         ),
         FULL,
-        is_number=True,
     ),
     TableColumn(
-        "95 % half axes on the earth",
-        lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
+        ">95 % half axes on the earth",
+        lambda source, row: axes_text(source.result.points.ellipse_95_m[row], source.units),
         FULL,
-        is_number=True,
         when=lambda source: source.is_on_earth,
     ),
     TableColumn(
-        "95 % half axes against photo 1",
-        lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
+        ">95 % half axes against photo 1",
+        lambda source, row: axes_text(source.result.points.ellipse_95_m[row], source.units),
         FULL,
-        is_number=True,
         when=lambda source: not source.is_on_earth,
     ),
-    TableColumn("photos", _photos, FULL, is_number=True),
+    TableColumn(">photos", _photos, FULL),
 )
 """Columns of the ground points."""
 
@@ -534,9 +470,7 @@ TABLES: dict[TableName, tuple[TableColumn, ...]] = {
 }
 
 
-def result_table(
-    name: TableName, result: Result, rows: Sequence[int], where: Place
-) -> TableContent:
+def result_table(name: TableName, result: Result, rows: Sequence[int], where: Place) -> Table:
     """Assemble a table.
 
     Parameters
@@ -552,19 +486,13 @@ def result_table(
     """
     source = Source(result)
     own = [one for one in TABLES[name] if where in one.places and one.when(source)]
-    unit, relief = f"[{table_unit(source.units).symbol}]", relief_text(source.units)
-    cells = [[one.cell(source, int(row)) for one in own] for row in rows]
-    return TableContent(
-        titles=tuple(
-            one.titles.get(where, one.title).replace("[m]", unit).replace("[relief]", relief)
-            for one in own
-        ),
-        numbers=tuple(one.is_number for one in own),
-        rows=tuple(
-            tuple(Cell(one) if isinstance(one, str) else one for one in row) for row in cells
-        ),
-        bad=tuple(_is_bad(name, result, int(row)) for row in rows),
+    relief = relief_text(source.units)
+    titles = (one.titles.get(where, one.title).replace("[relief]", relief) for one in own)
+    cells = (
+        Row([one.cell(source, int(row)) for one in own], _is_bad(name, result, int(row)))
+        for row in rows
     )
+    return make_table(" | ".join(titles), cells, source.units)
 
 
 def _is_bad(name: TableName, result: Result, row: int) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from uavgram.views.formatting import number
 from uavgram.views.pages import page
 from uavgram.views.survey.drawing import BLACK, Drawing, Look
 from uavgram.views.survey.text_placement import Letters
-from uavgram.views.terminal import align_columns
+from uavgram.views.tables import Cell, Row, Table, format_table, make_table
 from uavgram.views.units import decimals, display_unit
 
 WRONG_RATIO = 1.5
@@ -58,41 +57,17 @@ PRIORS = {
 """Words and unit of the priors that a scenario draws, by key without its section."""
 
 
-class Cells(NamedTuple):
-    """Row of one measurement."""
-
-    name: str
-    unit: str
-    runs: str
-    bias: str
-    spread: str
-    predicted: str
-    stated: str
-    inner: str
-    middle: str
-    outer: str
-    z: str
-    is_bad: bool
+def measurement_table(simulation: Simulation) -> Table:
+    """Return the table of all measurements in the order of the scenario."""
+    found, accuracy = simulation.repetitions, simulation.accuracy
+    return make_table(
+        "measurement | unit | >runs | >bias (95 % range) | *spread (95 % range) | >predicted | "
+        ">stated | >in 68 % | >in 95 % (range) | >in 99.7 % | >error/stated (range)",
+        [_row(found, accuracy, i) for i in range(len(found.name))],
+    )
 
 
-HEADER = (
-    *("measurement", "unit", "runs", "bias (95 % range)", "spread (95 % range)", "predicted"),
-    *("stated", "in 68 %", "in 95 % (range)", "in 99.7 %", "error/stated (range)"),
-)
-
-
-def measurement_rows(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
-    """Return the rows of all measurements in the order of the scenario.
-
-    Parameters
-    ----------
-    found, accuracy
-        Results of the same repetitions.
-    """
-    return [_row(found, accuracy, i) for i in range(len(found.name))]
-
-
-def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
+def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Row:
     spread = float(accuracy.spread[i])
     one = display_unit(found.unit[i], METRIC)
     sized = spread if math.isfinite(spread) else float(found.predicted[i])
@@ -101,29 +76,24 @@ def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
     def text(value: float, *, signed: bool = False) -> str:
         return number(float(value) * one.factor, places, signed=signed)
 
-    def ranged(value: float, ends: Floats, *, signed: bool = False) -> str:
+    def ranged(value: float, ends: Floats, look: str = "", *, signed: bool = False) -> Cell:
         if not math.isfinite(value):
-            return "–"
+            return Cell("–")
         low, high = (text(end, signed=signed) for end in ends)
-        return f"{text(value, signed=signed)} ({low} to {high})"
+        return Cell(text(value, signed=signed), below=f"({low} to {high})", look=look)
 
     z, (z_low, z_high) = float(accuracy.z[i]), accuracy.z_range[i].tolist()
     shares = [number(100 * share, 0) for share in accuracy.coverage[i].tolist()]
     low, high = (number(100 * end, 0) for end in accuracy.coverage_range[i, 1].tolist())
-    return Cells(
-        name=found.name[i],
-        unit=one.symbol,
-        runs=str(int(accuracy.count[i])),
-        bias=ranged(accuracy.bias[i], accuracy.bias_range[i], signed=True),
-        spread=ranged(spread, accuracy.spread_range[i]),
-        predicted=text(found.predicted[i]),
-        stated=text(accuracy.stated[i]),
-        inner=f"{shares[0]} %",
-        middle=f"{shares[1]} % ({low} to {high})",
-        outer=f"{shares[2]} %",
-        z=f"{number(z, 2)} ({number(z_low, 2)} to {number(z_high, 2)})" if z > 0 else "–",
-        is_bad=z_low > 1.0,
+    cells = (
+        *(found.name[i], one.symbol, str(int(accuracy.count[i]))),
+        ranged(accuracy.bias[i], accuracy.bias_range[i], signed=True),
+        ranged(spread, accuracy.spread_range[i], "value"),
+        *(text(found.predicted[i]), text(accuracy.stated[i])),
+        *(f"{shares[0]} %", Cell(f"{shares[1]} %", below=f"({low} to {high})"), f"{shares[2]} %"),
+        Cell(number(z, 2), below=f"({number(z_low, 2)} to {number(z_high, 2)})" * bool(z > 0)),
     )
+    return Row(cells, z_low > 1.0)
 
 
 def rate_sigmas(simulation: Simulation) -> VerdictLevel:
@@ -147,11 +117,8 @@ def summarise_simulation(simulation: Simulation) -> str:
     if not np.isfinite(simulation.accuracy.z).any():
         return "None of the repetitions gave a result."
     level = rate_sigmas(simulation)
-    bad = [
-        row.name
-        for row in measurement_rows(simulation.repetitions, simulation.accuracy)
-        if row.is_bad
-    ]
+    table = measurement_table(simulation)
+    bad = [row[0].text for row, is_bad in zip(table.rows, table.bad, strict=True) if is_bad]
     if level == "green":
         return "The program's ± are reliable here: the errors were no larger than stated."
     if not bad:
@@ -193,9 +160,10 @@ def _kind(text: str) -> str:
     return "".join(letter for letter in text if not letter.isdigit())
 
 
-def count_warnings(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
-    """Return the most frequent warnings, and the number of repetitions with each."""
-    return Counter(code for codes in found.codes for code in codes).most_common(most)
+def count_warnings(found: Repetitions, most: int = 8) -> list[tuple[str, str]]:
+    """Return the most frequent warnings, and in how many repetitions each was given."""
+    counts = Counter(code for codes in found.codes for code in codes).most_common(most)
+    return [(code, f"in {count} repetitions") for code, count in counts]
 
 
 def describe_changed_values(simulation: Simulation) -> str:
@@ -230,41 +198,32 @@ def _named(key: str) -> str:
     return f"{words} ({key})" if words else key
 
 
-class ErrorEffect(NamedTuple):
-    """Effect of one error of the scenario."""
-
-    what: str
-    error: str
-    z: str
-    within: str
-    green: str
-
-
-def error_effects(simulation: Simulation) -> list[ErrorEffect]:
+def effect_table(simulation: Simulation) -> Table:
     """Return all variants of a simulation, and itself last; empty if none were requested."""
-    if not simulation.variants:
-        return []
-    clean = simulation.variants[0]
     whole = Variant(
         name="all of it together",
         repetitions=simulation.repetitions,
         accuracy=simulation.accuracy,
     )
-    return [_error_effect(one, clean) for one in (*simulation.variants, whole)]
+    several = (*simulation.variants, whole) if simulation.variants else ()
+    return make_table(
+        "disturbance | *error, times | >error/stated | >in 95 % | >verdict green",
+        [_error_effect(one, simulation.variants[0]) for one in several],
+    )
 
 
-def _error_effect(one: Variant, clean: Variant) -> ErrorEffect:
+def _error_effect(one: Variant, clean: Variant) -> tuple[str, ...]:
     ratio = _rms_error(one) / _rms_error(clean)
     known = ratio[np.isfinite(ratio)]
     z = one.accuracy.z[np.isfinite(one.accuracy.z)]
     within = one.accuracy.coverage[:, 1]
     green = sum(level == "green" for level in one.repetitions.level)
-    return ErrorEffect(
-        what=_named(one.name),
-        error=f"{np.median(known):.2f}" if known.size else "–",
-        z=f"{np.sqrt(np.mean(z**2)):.2f}" if z.size else "–",
-        within=f"{100 * np.nanmean(within):.0f} %" if np.isfinite(within).any() else "–",
-        green=f"{green} of {len(one.repetitions.level)}",
+    return (
+        _named(one.name),
+        f"{np.median(known):.2f}" if known.size else "–",
+        f"{np.sqrt(np.mean(z**2)):.2f}" if z.size else "–",
+        f"{100 * np.nanmean(within):.0f} %" if np.isfinite(within).any() else "–",
+        f"{green} of {len(one.repetitions.level)}",
     )
 
 
@@ -364,9 +323,6 @@ def draw_convergence(simulation: Simulation) -> Drawing | None:
     return drawing
 
 
-COST_HEADER = ("disturbance", "error, times", "error/stated", "in 95 %", "green")
-
-
 def simulation_lines(simulation: Simulation) -> list[str]:
     """Format table, headline and counts.
 
@@ -375,18 +331,20 @@ def simulation_lines(simulation: Simulation) -> list[str]:
     simulation
         The simulation.
     """
-    rows = measurement_rows(simulation.repetitions, simulation.accuracy)
-    table = align_columns([HEADER, *(row[:-1] for row in rows)], right=tuple(range(2, len(HEADER))))
-    lines = [table, "", summarise_simulation(simulation), count_repetitions(simulation.repetitions)]
+    table, effects = measurement_table(simulation), effect_table(simulation)
+    lines = [
+        format_table(table, is_whole=True),
+        "",
+        summarise_simulation(simulation),
+        count_repetitions(simulation.repetitions),
+    ]
     lines += [
         text
         for text in (describe_unstated_errors(simulation), describe_changed_values(simulation))
         if text
     ]
     lines += [f"  {count} times: {text}" for count, text in count_failures(simulation.repetitions)]
-    if found := error_effects(simulation):
-        lines += ["", align_columns([COST_HEADER, *found], right=(1, 2, 3, 4))]
-    return lines
+    return [*lines, "", format_table(effects)] if effects.rows else lines
 
 
 def render_simulation_page(simulation: Simulation) -> str:
@@ -398,12 +356,12 @@ def render_simulation_page(simulation: Simulation) -> str:
         level=rate_sigmas(simulation),
         headline=summarise_simulation(simulation),
         counts=count_repetitions(found),
-        rows=measurement_rows(found, simulation.accuracy),
+        rows=measurement_table(simulation),
         ranges=draw_ranges(simulation),
         curve=draw_convergence(simulation),
         reasons=count_failures(found),
         amiss=describe_unstated_errors(simulation),
         unlike=describe_changed_values(simulation),
         warned=count_warnings(found),
-        costs=error_effects(simulation),
+        costs=effect_table(simulation),
     )

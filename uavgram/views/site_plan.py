@@ -22,18 +22,16 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster, Plan, PlanSheet
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
-from uavgram.views.style import INK
-from uavgram.views.survey.drawing import BLACK, PAPER, Drawing, Look, Sign
+from uavgram.views.survey.drawing import BLACK, PAPER, Drawing, Look
 from uavgram.views.survey.figure import draw_figure
 from uavgram.views.survey.key_facts import accuracy_words
 from uavgram.views.survey.sheet import Sheet, draw_frame
 from uavgram.views.survey.text_placement import ASIDE, LETTERS, Letters, TextRequest, half_size
 from uavgram.views.survey.top_view import (
-    DIAMOND,
     DOUBT_MARK,
     draw_survey,
     is_doubtful,
-    line_look,
+    list_samples,
     survey_texts,
 )
 from uavgram.views.survey.verdict import summarise_result
@@ -243,30 +241,10 @@ def _title(page: PlanPage, result: Result, title: str, left: float, top: float) 
 
 
 def _signs(drawing: Drawing, result: Result, x: float, y: float) -> float:
-    """Draw the signs that occur in the survey; return the lower end of the list."""
-    words = {
-        "used": "known length, used",
-        "checked": "known length, withheld as a check",
-        "suspect": "known length that does not fit",
-        "removed": "known length that does not fit",
-        "unseen": "known length, not seen",
-    }
-    rows = {"measured ± standard deviation": line_look("measured_lines", "ok")}
-    for status in result.lines.status:
-        rows.setdefault(words[status], line_look("known_lengths", status))
-    if result.control_lines.name:
-        rows["line of known position"] = line_look("control_lines", "used")
-    for text, look in rows.items():
-        drawing.lines("samples", [np.array([[x, y - 1.0], [x + 7.0, y - 1.0]])], look)
-        drawing.write((x + 8.5, y), text, "sign", side=-1)
-        y += 4.0
-    marks: list[tuple[str, Sign, float, Look]] = [("point", "ring", 2.2, Look(fill=INK["point"]))]
-    if result.points.is_off_ground.any():
-        text, look = "off the ground, and how high", Look(INK["point"], 1.1)
-        marks.append((text, "diamond", DIAMOND, look))
-    for text, sign, radius, look in marks:
-        drawing.signs("samples", np.array([[x + 3.5, y - 1.0]]), radius, look, sign=sign)
-        drawing.write((x + 8.5, y), text, "sign", side=-1)
+    """Draw the legend of the survey; return its lower end."""
+    for sample in list_samples(result):
+        sample.draw(drawing, x, x + 7.0, y - 1.0)
+        drawing.write((x + 8.5, y), sample.text, "sign", side=-1)
         y += 4.0
     return y
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from base64 import b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from operator import attrgetter
 from typing import Any
@@ -17,7 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, NullLocator
 
 from uavgram.model.simulation import SOURCES, Cell, MethodRow, Study
+from uavgram.views.formatting import number
 from uavgram.views.pages import page
+from uavgram.views.tables import Row, Table, make_table
 
 AGREES = (0.95, 1.05)
 """Range of errors over predicted ones within which a prediction is called right."""
@@ -328,7 +330,8 @@ def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) 
             "study": study,
             "said": describe_study(study),
             "picture": b64encode(figures[f"{study.name}.svg"]).decode(),
-            "rows": [_row(cell) for cell in study.cells],
+            "cells": _cell_table(study),
+            "settings": {name: _method_table(rows) for name, rows in study.settings.items()},
         }
         for study in studies
     ]
@@ -336,26 +339,53 @@ def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) 
         "study.html",
         parts=parts,
         overall=compare_studies(studies),
-        ranking=rank_effects(studies) if len(studies) > 1 else [],
+        ranking=make_table(
+            "study | best | worst | *times", rank_effects(studies) if len(studies) > 1 else []
+        ),
         seconds=sum(study.seconds for study in studies),
     )
 
 
-def _row(cell: Cell) -> dict[str, object]:
-    """Format a cell as texts."""
-    low, high = cell.ratio_range
-    return {
-        "curve": cell.curve,
-        "at": cell.label,
-        "predicted": f"{1e3 * cell.predicted_m:.1f}",
-        "simulated": f"{1e3 * cell.simulated_m:.1f}",
-        "ratio": f"{cell.ratio:.3f}",
-        "range": f"{low:.3f} to {high:.3f}",
-        "bias": f"{1e3 * cell.bias_m:.1f}",
-        "shares": [f"{100 * share:.0f}" for share in cell.shares],
-        "count": f"{cell.repetitions - cell.lost} of {cell.repetitions}",
-        "is_bad": low > AGREES[1] or high < AGREES[0],
-    }
+def _cell_table(study: Study) -> Table:
+    """Return all conditions as numbers."""
+    rows = []
+    for cell in study.cells:
+        low, high = cell.ratio_range
+        texts = (
+            *(cell.curve, cell.label, f"{1e3 * cell.predicted_m:.1f}"),
+            *(f"{1e3 * cell.simulated_m:.1f}", f"{cell.ratio:.3f}", f"{low:.3f} to {high:.3f}"),
+            *(f"{1e3 * cell.bias_m:.1f}", *(f"{100 * share:.0f}" for share in cell.shares)),
+            f"{cell.repetitions - cell.lost} of {cell.repetitions}",
+        )
+        rows.append(Row(texts, low > AGREES[1] or high < AGREES[0]))
+    return make_table(
+        "curve | at | >predicted [mm] | *simulated [mm] | >simulated / predicted | >95 % range | "
+        ">mean error [mm] | >lengths [%] | >picks [%] | >log [%] | >camera [%] | >tape scale [%] | "
+        ">ground [%] | >with a result",
+        rows,
+    )
+
+
+def _method_table(methods: Sequence[MethodRow]) -> Table:
+    """Return the errors of each method in a setting."""
+    rows = []
+    for row in methods:
+        sizes = (row.rms_m, row.ninth_m, row.fewest_m, row.most_m)
+        shares = (row.failed, row.failed_silently, row.ambiguous, row.coverage)
+        rows.append(
+            (
+                row.method,
+                *(f"{1e3 * size:.0f}" if size < 1e3 else "–" for size in sizes),
+                *(number(100 * share, 1) for share in shares),
+                f"{row.z:.2f}" if row.z < 100 else "–",
+            )
+        )
+    return make_table(
+        "method | >median [mm] | >nine tenths [mm] | >fewest features [mm] | >most features [mm] | "
+        ">useless [%] | >without a warning [%] | >another pose fits as well [%] | "
+        ">errors within 95 % [%] | >error / stated",
+        rows,
+    )
 
 
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")

@@ -23,7 +23,8 @@ from uavgram.views.formatting import (
 )
 from uavgram.views.result_tables import result_table
 from uavgram.views.survey.verdict import scale_sentence, verdict_sentence
-from uavgram.views.units import convert_sentence, format_value, units_of
+from uavgram.views.tables import align_columns, format_table
+from uavgram.views.units import format_length, format_value, units_of
 
 
 def measurement_table(result: Result, most: int = 0) -> str:
@@ -46,11 +47,7 @@ def measurement_table(result: Result, most: int = 0) -> str:
     shown = result_table(
         "measured", result, order_worst_first(rows)[: most or None].tolist(), "terminal"
     )
-    cells = [shown.titles, *(tuple(cell.text for cell in row) for row in shown.rows)]
-    right = tuple(
-        k for k, title in enumerate(shown.titles) if shown.numbers[k] or title == "status"
-    )
-    return align_columns(cells, right) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
+    return format_table(shown) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
 
 
 def findings_lines(result: Result, *, verbose: bool) -> list[str]:
@@ -97,19 +94,6 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
     shown = [m for m in messages if verbose or not entry_of(m.code).is_detail]
     ordered = sorted(shown, key=lambda message: LEVEL_RANK[message.level])
     return [f"{message.level}: {message.text} [{message.code}]" for message in ordered]
-
-
-def align_columns(cells: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
-    """Format rows of text as columns two blanks apart, with a rule below the first row."""
-    widths = [max(len(row[c]) for row in cells) for c in range(len(cells[0]))]
-    lines = [
-        "  ".join(
-            text.rjust(width) if c in right else text.ljust(width)
-            for c, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in cells
-    ]
-    return "\n".join([lines[0], "-" * max(len(line) for line in lines), *lines[1:]])
 
 
 def truth_table(result: Result, truth: Mapping[str, float]) -> str:
@@ -181,10 +165,10 @@ def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METR
     datum = "above mean sea level" if tags.datum == "msl" else "above the WGS 84 ellipsoid"
     cells = [("photo", "pose", "latitude", "longitude", "height", "sigma (horizontal, height)")]
     for k, name in enumerate(tags.frame_id):
-        sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
         place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
-        height, spread = (convert_sentence(t, units) for t in (f"{tags.height_m[k]:.2f} m", sigmas))
-        cells.append((name, tags.pose[k], *place, height, spread))
+        lengths = (tags.height_m[k], tags.sigma_horizontal_m[k], tags.sigma_vertical_m[k])
+        height, *spread = (format_length(float(one), units) for one in lengths)
+        cells.append((name, tags.pose[k], *place, height, ", ".join(spread)))
     notes = message_lines(messages)
     return [
         *align_columns(cells, right=(2, 3, 4, 5)).splitlines(),

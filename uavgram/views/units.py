@@ -15,7 +15,7 @@ from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from uavgram.model.naming import FOOT_M, METRIC, Units, units_from_options
+from uavgram.model.naming import FOOT_M, METRIC, Units, round_down, units_from_options
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 
@@ -248,6 +248,29 @@ def format_fixed(value: float, places: int, *, signed: bool = False) -> str:
     return text if float(text) else f"{0:.{places}f}"
 
 
+def format_length(
+    length_m: float, units: Units, places: int = 2, unit: str = "m", *, signed: bool = False
+) -> str:
+    """Format a length as exactly as with so many decimals in metres: ``1.40 m`` or ``4.59 ft``.
+
+    Parameters
+    ----------
+    length_m
+        The length.
+    units
+        Units in which it is shown.
+    places, unit
+        Decimals, of metres or of centimetres (``cm``).
+    signed
+        Whether a positive length has a plus sign.
+    """
+    value = length_m / _SCALES[unit]
+    text = format_fixed(value, places, signed=signed)
+    if units.length == "m":
+        return f"{text} {unit}"
+    return _one_by_one([_ExactNumber(text, value)], [], unit, units)
+
+
 def round_bar(most_m: float, units: Units) -> tuple[float, str]:
     """Choose a scale bar: length [m], a round number of metres or feet, and its text.
 
@@ -263,8 +286,7 @@ def round_bar(most_m: float, units: Units) -> tuple[float, str]:
         one = DisplayUnit(100.0, "cm", 0, 0)
     elif units.length == "ft-in" and most_m < FOOT_M:
         one = DisplayUnit(1 / INCH_M, "in", 0, 0)
-    power = 10.0 ** math.floor(math.log10(most_m * one.factor))
-    length = power * max(f for f in (1, 2, 5) if f * power <= most_m * one.factor * (1 + 1e-9))
+    length = round_down(most_m * one.factor)
     return length / one.factor, f"{length:g} {one.symbol}"
 
 

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import round_down
 from uavgram.model.result.result import AreaPlane, Estimate, Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
@@ -33,7 +34,6 @@ from uavgram.views.recording.legend import (
 from uavgram.views.recording.pages import summary
 from uavgram.views.recording.photo import PHOTOS_PER_CHUNK, project_picks
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.survey.outlines import round_length
 from uavgram.views.survey.verdict import verdict_words
 
 PHOTO = "/survey/current_camera/photo"
@@ -186,7 +186,7 @@ def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(
     ("most", "round_one"), [(0.0999, 0.05), (0.1, 0.1), (0.7, 0.5), (3.0, 2.0), (19.0, 10.0)]
 )
 def test_scale_bars_have_round_lengths(most: float, round_one: float) -> None:
-    assert round_length(most) == pytest.approx(round_one)
+    assert round_down(most) == pytest.approx(round_one)
 
 
 def test_the_end_of_the_last_frame_lies_one_step_after_it_in_time_too(tmp_path: Path) -> None:

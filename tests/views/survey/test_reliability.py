@@ -21,7 +21,7 @@ from uavgram.model.result.reliability import (
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PointChecks
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.survey.reliability import line_limits, overall_words, prior_rows
+from uavgram.views.survey.reliability import line_limits, overall_words, prior_table
 
 
 def judged(result: Result) -> Result:
@@ -100,8 +100,8 @@ def test_priors_are_marked_from_the_limit_that_they_share() -> None:
         bias=np.ones(43),
         effects=Effects(on=("",) * 43, change=np.full(43, np.nan), sigmas=np.full(43, np.nan)),
     )
-    rows = prior_rows(replace(result, evidence=replace(result.evidence, priors=priors)))
-    assert [row["bad"] for row in rows[:4]] == [True, False, True, False]
+    table = prior_table(replace(result, evidence=replace(result.evidence, priors=priors)))
+    assert table.bad[:4] == (True, False, True, False)
 
 
 def test_the_report_says_what_could_be_wrong_unseen() -> None:

@@ -29,8 +29,8 @@ from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.stages.camera import UNKNOWN_CAMERA
 from uavgram.synthetic.accident_scene import PAINTED_LABELS, TAPE_FILE, is_sample
-from uavgram.views.calibration.text import fact_lines, parameter_cells, provenance_lines
-from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
+from uavgram.views.calibration.text import fact_lines, provenance_lines
+from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, parameter_table, percent
 from uavgram.views.flight_plan import LineRow, PlateRow, line_rows, plate_rows, plate_side
 from uavgram.views.units import convert_sentence
 
@@ -156,14 +156,13 @@ def camera_json(survey: LiveSurvey) -> m.Camera:
     """Return the camera: parameters, sigmas, their source, and remarks."""
     inputs = survey.inputs
     calibration = inputs.calibration
-    _, *cells = parameter_cells(calibration)
     facts = compute_camera_properties(calibration)
     return {
         "name": calibration.name,
         "model": calibration.model,
         "width_px": calibration.width_px,
         "height_px": calibration.height_px,
-        "parameters": [list(row) for row in cells],
+        "parameters": [[cell.text for cell in row] for row in parameter_table(calibration).rows],
         "facts": fact_lines(facts, None),
         "source": _source(inputs),
         "file": _file(inputs),

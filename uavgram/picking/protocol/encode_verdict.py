@@ -338,7 +338,7 @@ def encode_photo_statuses(result: Result) -> list[m.Trust]:
 def encode_measurement_statuses(result: Result) -> list[m.Trust]:
     """Return the status of each measurement: a word unless it is ok, and the reason."""
     rows = result.measurements
-    unseen = {link["name"]: _sentence(link["weakest"]) for link in weakest_links(result)}
+    unseen = {link.name: _sentence(link.weakest) for link in weakest_links(result)}
     standings: list[m.Trust] = []
     is_red = result.verdict.level == "red"
     for name, points, value, found in zip(

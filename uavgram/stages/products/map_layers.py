@@ -13,6 +13,7 @@ from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Poses
 from uavgram.model.maps import Features, Layer, ProfileSheet, ShapeKind, close_ring
+from uavgram.model.naming import round_up
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PlanarUncertainty, PointResults, ProfileResults
 from uavgram.stages.products.columns import (
@@ -196,9 +197,7 @@ def ticks(low: float, high: float, most: int) -> Floats:
     most
         Largest number of steps in between; one or two more where the ends are no multiples.
     """
-    least = (high - low) / most
-    power = 10.0 ** np.floor(np.log10(least))
-    step = power * min(f for f in (1, 2, 5, 10) if f * power >= least * (1 - 1e-9))
+    step = round_up((high - low) / most)
     first, last = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
     return np.arange(first, last + 0.5) * float(step)
 

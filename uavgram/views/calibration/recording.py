@@ -25,10 +25,16 @@ from uavgram.views.calibration.drawings import (
     rows_by_photo,
     uncertainty_shares,
 )
-from uavgram.views.calibration.text import parameter_cells
-from uavgram.views.calibration.verdict import calibration_facts, judge_calibration, pixels_text
-from uavgram.views.formatting import LEVEL_RANK, number
-from uavgram.views.pages import plain, table
+from uavgram.views.calibration.verdict import (
+    calibration_facts,
+    judge_calibration,
+    message_table,
+    model_table,
+    odd_corners,
+    parameter_table,
+    pixels_text,
+)
+from uavgram.views.formatting import number
 from uavgram.views.recording.blueprint import layout, page_views, picture_view, plot, space_view
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
 from uavgram.views.recording.stream import CENTRE_PX, Recorder, open_recording
@@ -43,6 +49,7 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
+from uavgram.views.tables import Cell, Cells, make_table, markdown, plain
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
 MAX_ODD = 20
@@ -64,86 +71,53 @@ def summary_page(account: CalibrationAccount) -> str:
     """Write the summary page."""
     verdict = judge_calibration(account)
     mark = "✔" if verdict.level == "good" else "⚠"
-    facts = [(plain(key), f"**{plain(value)}**") for key, value in calibration_facts(account)]
-    messages = sorted(account.messages, key=lambda message: LEVEL_RANK[message.level])
     parts = [
         f"# {mark} {plain(verdict.sentence)}",
         plain(verdict.counts),
-        table(("at a glance", ""), facts),
+        markdown(make_table("at a glance | *", calibration_facts(account))),
         "## Parameters",
-        _parameters(account.result),
+        markdown(parameter_table(account.result.calibration)),
     ]
-    if messages:
-        rows = [(f"**{one.level}**", f"{plain(one.text)} `{one.code}`") for one in messages]
-        parts += ["## Messages", table(("", ""), rows)]
+    if account.messages:
+        parts += ["## Messages", markdown(message_table(account))]
     if account.left_out:
-        rows = [(plain(file), plain(why)) for file, why in account.left_out]
-        parts += ["## Left out", table(("photo", "why"), rows)]
+        parts += ["## Left out", markdown(make_table("photo | why", account.left_out))]
     return "\n\n".join(parts)
-
-
-def _parameters(result: CalibrationResult) -> str:
-    rows = [
-        (name, f"**{value}**", sigma, share)
-        for name, value, sigma, share in parameter_cells(result.calibration)[1:]
-    ]
-    return table(("parameter", "value", "1 σ", "σ / value"), rows)
 
 
 def camera_page(result: CalibrationResult) -> str:
     """Write the page with correlations and lens models."""
     names, matrix = result.calibration.parameter_names, result.calibration.correlation
     rows = [
-        (f"**{name}**", *(_correlation(value) for value in values))
+        (Cell(name, look="value"), *map(_correlation, values))
         for name, values in zip(names, matrix.tolist(), strict=True)
     ]
-    models = [
-        (
-            f"**{model.coefficients}, taken**" if model.is_chosen else str(model.coefficients),
-            "not determined"
-            if model.dropped
-            else pixels_text(np.nan if model.held_out_px is None else model.held_out_px),
-            "–" if model.aic is None else number(model.aic, 1),
-            "–" if model.bic is None else number(model.bic, 1),
-        )
-        for model in result.models
-    ]
-    header = ("distortion coefficients", "error in photos left out [px]", "Akaike", "Bayes")
+    correlations = markdown(make_table(" | ".join(("", *names)), rows))
     return "\n\n".join(
-        ["# Correlations", table(("", *names), rows), "# Lens models", table(header, models)]
+        ["# Correlations", correlations, "# Lens models", markdown(model_table(result))]
     )
 
 
-def _correlation(value: float) -> str:
-    text = number(value, 2, signed=True)
-    return f"**{text}**" if abs(value) > 0.9 else text
+def _correlation(value: float) -> Cell:
+    return Cell(number(value, 2, signed=True), look="value" * (abs(value) > 0.9))
 
 
 def photo_sheet(result: CalibrationResult, k: int) -> str:
     """Write the sheet of one photo: how it fits, and its corners that do not fit."""
-    photos, corners = result.photos, result.corners
-    file = photos.file[k]
-    rows = rows_by_photo(result)[file]
+    photos, file = result.photos, result.photos.file[k]
     distance = float(np.linalg.norm(photos.poses.center_world_m[k]))
-    facts = [
-        ("status", f"**{photos.status[k]}** {plain(photos.reason[k])}"),
-        ("corners", f"{len(rows)} of {len(result.board.corner_board_m)}"),
+    facts: list[Cells] = [
+        ("status", Cell(photos.status[k], photos.reason[k], look="value")),
+        ("corners", f"{len(rows_by_photo(result)[file])} of {len(result.board.corner_board_m)}"),
         ("residual per coordinate", f"{pixels_text(photos.rms_px[k] / SQRT2)} px"),
         ("when left out", f"{pixels_text(photos.held_out_px[k])} px"),
         ("tilt", f"{photos.tilt_deg[k]:.1f}°"),
         ("distance of the board's first corner", f"{distance:.3f} m"),
     ]
-    parts = [f"# {plain(file)}", table(("", ""), facts)]
-    odd = sorted(
-        (int(i) for i in rows if corners.status[int(i)] != "used"), key=lambda i: -corners.w[i]
-    )
-    if odd:
-        size = np.linalg.norm(corners.residual_px, axis=1)
-        cells = [
-            (str(corners.corner[i]), f"{pixels_text(float(size[i]))} px", corners.status[i])
-            for i in odd[:MAX_ODD]
-        ]
-        parts += ["## Corners that do not fit", table(("corner", "residual", ""), cells)]
+    parts = [f"# {plain(file)}", markdown(make_table(" | ", facts))]
+    odd = odd_corners(result, k)
+    if odd.rows:
+        parts += ["## Corners that do not fit", markdown(odd, MAX_ODD)]
     return "\n\n".join(parts)
 
 

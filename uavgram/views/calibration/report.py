@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from uavgram.imaging.photos.preview import shrink_jpeg
-from uavgram.model.arrays import Floats
-from uavgram.model.board import Board, CalibrationAccount, CalibrationResult, LensEffect, ModelScore
+from uavgram.model.board import Board, CalibrationAccount, CalibrationResult, LensEffect
 from uavgram.views.calibration.drawings import (
-    SQRT2,
     coverage_map,
     length_map,
     residual_map,
@@ -19,27 +17,30 @@ from uavgram.views.calibration.drawings import (
     tilt_dial,
     uncertainty_map,
 )
-from uavgram.views.calibration.text import parameter_cells
+from uavgram.views.calibration.text import photo_table
 from uavgram.views.calibration.verdict import (
     calibration_facts,
     judge_calibration,
+    message_table,
+    model_table,
+    odd_corners,
+    parameter_table,
     percent,
-    pixels_text,
 )
-from uavgram.views.formatting import LEVEL_RANK, number
+from uavgram.views.formatting import chance, number
 from uavgram.views.pages import page
+from uavgram.views.tables import Cell, Table, make_table
 
 PICTURE_WIDTH_PX = 300
-
-Row = dict[str, str | bool]
-
-PHOTO_WORDS = {"used": "used", "suspect": "SUSPECT", "removed": "removed"}
+MAX_ODD = 60
+"""Largest number of corners that do not fit; calibration.json has all."""
 
 
 def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> str:
     """Render the page as text; names written by people are escaped, nothing is loaded."""
     result = account.result
-    shown = _best_photo(result, pictures)
+    small = {file: _shrink(picture) for file, picture in pictures.items()}
+    shown, outliers = _best_photo(result, small), odd_corners(result)
     return page(
         "calibration.html",
         account=account,
@@ -49,22 +50,27 @@ def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str
         board=board_words(result.board),
         verdict=judge_calibration(account),
         facts=calibration_facts(account),
-        parameters=parameter_cells(result.calibration)[1:],
+        parameters=parameter_table(result.calibration),
         correlations=_correlations(result),
         bow=_bow(result),
-        models=_models(result),
-        messages=sorted(account.messages, key=lambda message: LEVEL_RANK[message.level]),
+        models=model_table(result),
+        messages=message_table(account),
+        fit=_fit(account),
+        custody=_custody(account),
+        options=_options(account),
         coverage=coverage_map(result),
         residuals=residual_map(result),
         uncertainty=uncertainty_map(result),
         dial=tilt_dial(result),
-        lengths=[
-            (effect, length_map(result, effect, shown), _length_row(effect))
-            for effect in account.effects
-        ],
-        photos=_photos(result, pictures),
-        left_out=[(file, reason, _picture(pictures, file)) for file, reason in account.left_out],
-        outliers=_outliers(result),
+        lengths=_lengths(account.effects),
+        views=[(effect, length_map(result, effect, shown)) for effect in account.effects],
+        photos=photo_table(result, small),
+        left_out=make_table(
+            "photo | why",
+            ((Cell(file, picture=small.get(file, "")), why) for file, why in account.left_out),
+        ),
+        outliers=outliers._replace(rows=outliers.rows[:MAX_ODD]),
+        more_outliers=len(outliers.rows) - MAX_ODD,
     )
 
 
@@ -104,92 +110,91 @@ def _bow(result: CalibrationResult) -> str:
     )
 
 
-def _models(result: CalibrationResult) -> list[Row]:
-    best_aic = min((m.aic for m in result.models if m.aic is not None), default=0.0)
-    best_bic = min((m.bic for m in result.models if m.bic is not None), default=0.0)
-    return [
-        Row(
-            coefficients=str(model.coefficients),
-            held=_held(model),
-            aic="–" if model.aic is None else number(model.aic - best_aic, 1),
-            bic="–" if model.bic is None else number(model.bic - best_bic, 1),
-            chosen=model.is_chosen,
+def _lengths(effects: Sequence[LensEffect]) -> Table:
+    """Return median and largest effect on lengths: pose from known lengths, from the flight log."""
+    rows = []
+    for effect in effects:
+        tilt = "straight down"
+        if effect.tilt_deg:
+            tilt = f"{effect.tilt_deg:g}° from straight down"
+        if effect.lengths is None:
+            rows.append((f"{tilt} (no ground is seen)", *["–"] * 4))
+            continue
+        values = effect.lengths.pose_fitted, effect.lengths.pose_known
+        rows.append(
+            (tilt, *(percent(float(size(v))) for v in values for size in (np.median, np.max)))
         )
-        for model in result.models
+    return make_table(
+        "optical axis | >pose from known lengths: median | >largest | "
+        ">pose from the flight log: median | >largest",
+        rows,
+    )
+
+
+def _fit(account: CalibrationAccount) -> list[tuple[str, str]]:
+    """Describe the quality of the adjustment."""
+    quality, common = account.result.quality, account.common_error_px
+    corners = f"{number(quality.sigma_px)} px"
+    if common:
+        corners += (
+            f", of which {number(common)} px are common to all beside their own noise (print and "
+            "flatness of the board, lens model, motion)"
+        )
+    photos = "too few photos"
+    if quality.photo_factor is not None and quality.photo_probability is not None:
+        photos = (
+            f"{number(quality.photo_factor, 2)} times the variance that the corners explain "
+            f"(chance: {chance(quality.photo_probability)})"
+        )
+        photos += "; the covariance was enlarged by it" * (quality.photo_probability < 0.01)
+    held = "the others do not determine the camera"
+    if quality.held_out_px is not None:
+        held = f"{number(quality.held_out_px)} px per coordinate"
+    return [
+        ("corners: sigma per coordinate", corners),
+        (
+            "variance factor with these sigmas, before the last scaling",
+            f"{number(quality.variance_factor, 2)} (chance of one as large: "
+            f"{chance(quality.chi2_probability)})",
+        ),
+        ("photos disagree about the camera", photos),
+        ("held-out error: photos predicted by a camera calibrated without them", held),
     ]
 
 
-def _held(model: ModelScore) -> str:
-    if model.dropped:
-        return f"no choice: {model.dropped}"
-    known = model.held_out_px is not None
-    return f"{model.held_out_px:.3f} px" if known else "cannot do without one of them"
+def _custody(account: CalibrationAccount) -> Table:
+    """Return the photos with their checksums."""
+    rows = (
+        (Cell(one.path, look="mono"), str(one.size_bytes), Cell(one.sha256, look="mono"))
+        for one in account.provenance.inputs
+    )
+    return make_table("photo | >bytes | SHA-256", rows)
 
 
-def _length_row(effect: LensEffect) -> tuple[str, str, str, str]:
-    """Return median and largest: pose from known lengths, then from the flight log."""
-    if effect.lengths is None:
-        return ("–",) * 4
-    values: tuple[Floats, Floats] = (effect.lengths.pose_fitted, effect.lengths.pose_known)
-    first, second = ((percent(float(np.median(v))), percent(float(v.max()))) for v in values)
-    return (*first, *second)
+def _options(account: CalibrationAccount) -> list[tuple[str, object]]:
+    """Return the options, and the camera by its EXIF."""
+    made = account.provenance
+    exif = {
+        "make": made.make,
+        "model": made.camera_model,
+        "focal length [mm]": made.focal_mm,
+        "focus distance [m]": made.focus_m,
+    }
+    return [
+        ("board", made.board),
+        *made.options.items(),
+        *((f"EXIF {key}", value) for key, value in exif.items() if value),
+    ]
 
 
-def _photos(result: CalibrationResult, pictures: Mapping[str, bytes]) -> list[Row]:
-    photos, rows = result.photos, rows_by_photo(result)
-    order = np.argsort(-photos.rms_px, kind="stable")
-    table = []
-    for k in order.tolist():
-        file = photos.file[k]
-        status = [result.corners.status[i] for i in rows[file]]
-        odd = len(status) - status.count("used")
-        distance = float(np.linalg.norm(photos.poses.center_world_m[k]))
-        table.append(
-            Row(
-                file=file,
-                picture=_picture(pictures, file),
-                corners=f"{len(status)}" + (f", {odd} odd" if odd else ""),
-                rms=pixels_text(photos.rms_px[k] / SQRT2),
-                held=pixels_text(photos.held_out_px[k]),
-                tilt=f"{photos.tilt_deg[k]:.0f}°",
-                distance=f"{distance:.2f} m",
-                status=PHOTO_WORDS[photos.status[k]],
-                reason=photos.reason[k],
-                bad=photos.status[k] != "used",
-            )
-        )
-    return table
-
-
-def _best_photo(result: CalibrationResult, pictures: Mapping[str, bytes]) -> str:
+def _best_photo(result: CalibrationResult, pictures: Mapping[str, str]) -> str:
     """Choose the photo with the most corners as background."""
     counts = {file: len(rows) for file, rows in rows_by_photo(result).items()}
     known = [file for file in result.photos.file if file in pictures]
-    return _picture(pictures, max(known, key=lambda file: counts[file])) if known else ""
+    return pictures[max(known, key=lambda file: counts[file])] if known else ""
 
 
-def _picture(pictures: Mapping[str, bytes], file: str) -> str:
-    """Return a small copy as a data URL; empty if there is none."""
-    if file not in pictures:
-        return ""
-    small = shrink_jpeg(pictures[file], PICTURE_WIDTH_PX)
+def _shrink(picture: bytes) -> str:
+    """Return a small copy of a JPEG as a data URL."""
+    small = shrink_jpeg(picture, PICTURE_WIDTH_PX)
     return "data:image/jpeg;base64," + base64.b64encode(small).decode("ascii")
-
-
-def _outliers(result: CalibrationResult) -> list[tuple[str, str, str, str, str]]:
-    """List the corners that fit worse than chance allows, worst first."""
-    corners = result.corners
-    rows = [i for i, status in enumerate(corners.status) if status != "used"]
-    rows = [i for i in rows if result.photos.status[int(corners.photo[i])] != "removed"]
-    rows.sort(key=lambda i: -float(corners.w[i]))
-    size = np.linalg.norm(corners.residual_px, axis=1)
-    return [
-        (
-            result.photos.file[int(corners.photo[i])],
-            str(int(corners.corner[i])),
-            f"{corners.pixel_px[i, 0]:.1f}, {corners.pixel_px[i, 1]:.1f}",
-            f"{pixels_text(float(size[i]))} px",
-            corners.status[i],
-        )
-        for i in rows
-    ]

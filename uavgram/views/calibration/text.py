@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -11,12 +13,17 @@ from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.model.arrays import Floats
 from uavgram.model.board import CalibrationAccount, CalibrationResult
 from uavgram.model.camera import Calibration, CameraProvenance
-from uavgram.views.calibration.drawings import SQRT2
-from uavgram.views.calibration.verdict import calibration_facts, judge_calibration, pixels_text
+from uavgram.views.calibration.drawings import SQRT2, rows_by_photo
+from uavgram.views.calibration.verdict import (
+    calibration_facts,
+    judge_calibration,
+    parameter_table,
+    pixels_text,
+)
 from uavgram.views.formatting import number
-from uavgram.views.terminal import align_columns, message_lines
+from uavgram.views.tables import Cell, Row, Table, align_columns, format_table, make_table
+from uavgram.views.terminal import message_lines
 
-_PIXELS = {"fx", "fy", "cx", "cy"}
 _MAP_COLUMNS, _MAP_ROWS = 7, 5
 NINETY_FIVE = 2.4477  # limit of a two-dimensional normal error, in sigmas
 
@@ -43,7 +50,7 @@ def camera_lines(
         f"{calibration.name}: {calibration.model} lens, {size}",
         *([] if provenance is None else provenance_lines(provenance)),
         "",
-        align_columns(parameter_cells(calibration), right=(1, 2, 3)),
+        format_table(parameter_table(calibration)),
         "",
         "correlations",
         align_columns(
@@ -67,23 +74,6 @@ def provenance_lines(provenance: CameraProvenance) -> list[str]:
     if provenance.variance_factor is not None:
         lines.append(f"variance factor {provenance.variance_factor:.3f}")
     return lines
-
-
-def parameter_cells(calibration: Calibration) -> list[tuple[str, ...]]:
-    """Return header and rows: parameter, value, sigma, and relative sigma of fx and fy."""
-    cells: list[tuple[str, ...]] = [("parameter", "value", "1 sigma", "sigma/value")]
-    sigma = np.sqrt(calibration.covariance.diagonal())
-    for name, value, error in zip(
-        calibration.parameter_names, calibration.parameters.tolist(), sigma.tolist(), strict=True
-    ):
-        share = f"{100 * error / value:.3f} %" if name in {"fx", "fy"} else "–"
-        known = _value(name, error) if error else "held"
-        cells.append((name, _value(name, value), known, share))
-    return cells
-
-
-def _value(name: str, value: float) -> str:
-    return f"{value:.3f} px" if name in _PIXELS else f"{value:.6f}"
 
 
 def _correlation_cells(calibration: Calibration, correlation: Floats) -> list[tuple[str, ...]]:
@@ -201,7 +191,7 @@ def calibration_lines(account: CalibrationAccount) -> list[str]:
     return [
         f"{camera.name}: {camera.model} lens, {camera.width_px} x {camera.height_px} px",
         "",
-        align_columns(parameter_cells(camera), right=(1, 2, 3)),
+        format_table(parameter_table(camera)),
         "",
         verdict.sentence,
         verdict.counts,
@@ -214,22 +204,44 @@ def calibration_lines(account: CalibrationAccount) -> list[str]:
     ]
 
 
+PHOTO_WORDS = {"used": "used", "suspect": "SUSPECT", "removed": "removed"}
+NO_PICTURES: Mapping[str, str] = MappingProxyType({})
+
+
+def photo_table(result: CalibrationResult, pictures: Mapping[str, str] = NO_PICTURES) -> Table:
+    """Return the photos, those that fit worst first.
+
+    Parameters
+    ----------
+    result
+        The calibration.
+    pictures
+        Addresses of small pictures by file.
+    """
+    photos, rows, table = result.photos, rows_by_photo(result), []
+    for k in np.argsort(-photos.rms_px, kind="stable").tolist():
+        file = photos.file[k]
+        status = [result.corners.status[i] for i in rows[file]]
+        odd = len(status) - status.count("used")
+        cells = (
+            Cell(file, picture=pictures.get(file, "")),
+            f"{len(status)}" + (f", {odd} odd" if odd else ""),
+            pixels_text(photos.rms_px[k] / SQRT2),
+            pixels_text(photos.held_out_px[k]),
+            f"{photos.tilt_deg[k]:.0f}°",
+            f"{float(np.linalg.norm(photos.poses.center_world_m[k])):.2f} m",
+            ": ".join(filter(None, (PHOTO_WORDS[photos.status[k]], photos.reason[k]))),
+        )
+        table.append(Row(cells, photos.status[k] != "used"))
+    return make_table(
+        "photo | >corners | >residual [px] | >when left out [px] | >tilt | >distance | status",
+        table,
+    )
+
+
 def _photo_lines(result: CalibrationResult) -> list[str]:
     """List the photos that fit worst, the worst first; the report has them all."""
-    photos = result.photos
-    order = np.argsort(-photos.rms_px, kind="stable")
-    cells: list[tuple[str, ...]] = [("photo", "corners", "residual", "left out", "tilt", "status")]
-    cells += [
-        (
-            photos.file[k],
-            str(int(np.sum(result.corners.photo == k))),
-            f"{pixels_text(photos.rms_px[k] / SQRT2)} px",
-            f"{pixels_text(photos.held_out_px[k])} px",
-            f"{photos.tilt_deg[k]:.0f}°",
-            photos.status[k],
-        )
-        for k in order[:MAX_PHOTOS].tolist()
-    ]
-    more = len(order) - MAX_PHOTOS
+    table = photo_table(result)
+    more = len(table.rows) - MAX_PHOTOS
     note = [f"and {more} photos that fit better"] if more > 0 else []
-    return [*align_columns(cells, right=(1, 2, 3, 4)).splitlines(), *note]
+    return [*format_table(table._replace(rows=table.rows[:MAX_PHOTOS])).splitlines(), *note]

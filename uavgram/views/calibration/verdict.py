@@ -1,4 +1,4 @@
-"""Verdict on a calibration, in words that need no background."""
+"""Verdict on a calibration, in words that need no background, and its tables."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.model.board import CalibrationAccount, CalibrationResult, LensEffect
+from uavgram.model.board import CalibrationAccount, CalibrationResult, LensEffect, ModelScore
 from uavgram.model.camera import Calibration
-from uavgram.views.formatting import LEVEL_RANK
+from uavgram.views.formatting import LEVEL_RANK, number
 from uavgram.views.survey.outlines import find_largest_finite
+from uavgram.views.tables import Cell, Cells, Row, Table, make_table
 
 GOOD_FOCAL = 0.005
 """Limit of a good calibration: relative error of the focal length, or of lengths by the lens."""
@@ -153,3 +154,98 @@ def pixels_text(value: float) -> str:
     if value >= 9.95:
         return f"{value:.0f}"
     return f"{value:.1f}" if value >= 0.995 else f"{value:.2f}"
+
+
+def message_table(account: CalibrationAccount) -> Table:
+    """Return the messages, the worst first."""
+    ordered = sorted(account.messages, key=lambda message: LEVEL_RANK[message.level])
+    rows = (
+        Row((Cell(one.level, look="tag"), one.text, Cell(one.code, look="mono")),
+            one.level == "error")
+        for one in ordered
+    )  # fmt: skip
+    return make_table(" |  | ", rows)
+
+
+def parameter_table(calibration: Calibration) -> Table:
+    """Return parameter, value, sigma, and relative sigma of fx and fy."""
+    rows = []
+    sigma = np.sqrt(calibration.covariance.diagonal())
+    for name, value, error in zip(
+        calibration.parameter_names, calibration.parameters.tolist(), sigma.tolist(), strict=True
+    ):
+        share = f"{100 * error / value:.3f} %" if name in {"fx", "fy"} else "–"
+        rows.append(
+            (name, _parameter(name, value), _parameter(name, error) if error else "held", share)
+        )
+    return make_table("parameter | *value | >1 sigma | >sigma/value", rows)
+
+
+def _parameter(name: str, value: float) -> str:
+    return f"{value:.3f} px" if name in {"fx", "fy", "cx", "cy"} else f"{value:.6f}"
+
+
+def model_table(result: CalibrationResult) -> Table:
+    """Return the lens models that were compared; criteria are differences from the best."""
+    scores = [(model.aic, model.bic) for model in result.models]
+    best = [
+        min((one for one in own if one is not None), default=0.0)
+        for own in zip(*scores, strict=True)
+    ]
+    rows: list[Cells] = [
+        (
+            str(model.coefficients),
+            _held(model),
+            *(
+                "–" if one is None else number(one - least, 1)
+                for one, least in zip(own, best, strict=True)
+            ),
+            Cell("taken" if model.is_chosen else "", look="tag"),
+        )
+        for model, own in zip(result.models, scores, strict=True)
+    ]
+    return make_table(
+        "distortion coefficients | >error in photos left out | >Akaike | >Bayes | ", rows
+    )
+
+
+def _held(model: ModelScore) -> str:
+    if model.dropped:
+        return f"no choice: {model.dropped}"
+    known = model.held_out_px is not None
+    return f"{model.held_out_px:.3f} px" if known else "cannot do without one of them"
+
+
+def odd_corners(result: CalibrationResult, photo: int | None = None) -> Table:
+    """Return the corners that fit worse than chance allows, worst first.
+
+    Parameters
+    ----------
+    result
+        The calibration.
+    photo
+        Row of the only photo; None: of all that were used.
+    """
+    corners, photos = result.corners, result.photos
+    size = np.linalg.norm(corners.residual_px, axis=1)
+    rows = [
+        i
+        for i in np.argsort(-corners.w, kind="stable").tolist()
+        if corners.status[i] != "used"
+        and (
+            corners.photo[i] == photo
+            if photo is not None
+            else photos.status[int(corners.photo[i])] != "removed"
+        )
+    ]
+    cells = (
+        (
+            photos.file[int(corners.photo[i])],
+            str(int(corners.corner[i])),
+            f"{corners.pixel_px[i, 0]:.1f}, {corners.pixel_px[i, 1]:.1f}",
+            f"{pixels_text(float(size[i]))} px",
+            corners.status[i],
+        )
+        for i in rows
+    )
+    return make_table("photo | >corner | >at [px] | >residual | status", cells)

@@ -11,18 +11,12 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.views.formatting import axes_text
 from uavgram.views.recording.curves import (
-    ATTITUDE_SIGMA,
-    CORRECTION,
-    HEIGHT,
-    MISS_REFINED,
-    MISS_SEED,
-    POSITION_SIGMA,
-    RESIDUAL_REFINED,
-    RESIDUAL_SEED,
+    PLOTS,
     STATUS,
-    WORST_W,
     FrameCurves,
+    Plot,
     PoseCurves,
+    list_plots,
 )
 from uavgram.views.recording.legend import LEGEND
 from uavgram.views.recording.pages import (
@@ -44,7 +38,7 @@ from uavgram.views.recording.survey import ALL, CURRENT, GAP, MAP, PROFILES, has
 from uavgram.views.style import Rgb
 from uavgram.views.survey.heights import WIDTH
 from uavgram.views.survey.key_facts import frame_counts
-from uavgram.views.units import convert_sentence, table_unit, units_of
+from uavgram.views.units import units_of
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)
@@ -92,7 +86,8 @@ def blueprint(
     )
     places = _places(result, scene)
     # a curve through one frame shows nothing
-    plots = [_plots(result, curves, poses)] if len(result.frames.frame_id) > 1 else []
+    is_flight = len(result.frames.frame_id) > 1
+    plots = [_plots(list_plots(result, curves, poses))] if is_flight else []
     drawn = [*([rrb.Tabs(*places, active_tab=0)] if places else []), *plots]
     details = rrb.Horizontal(
         *([rrb.Vertical(*drawn)] if drawn else []),
@@ -221,48 +216,17 @@ def space_view(
     )
 
 
-def _plots(result: Result, curves: FrameCurves, poses: PoseCurves) -> rrb.Tabs:
-    """Lay out rows of plots: fit of the picks on the ground and in pixels; changes of the poses."""
-    worst = plot(
-        WORST_W,
-        "Worst pick [σ]",
-        np.append(curves.worst_w, curves.limit_w),
+def _plots(rows: dict[str, list[Plot]]) -> rrb.Tabs:
+    """Lay out a tab for each row of plots."""
+    return rrb.Tabs(
+        *(
+            rrb.Horizontal(
+                *(plot(f"{PLOTS}/{one.path}", one.title, one.values) for one in plots), name=title
+            )
+            for title, plots in rows.items()
+        ),
+        active_tab=0,
     )
-    one = table_unit(units_of(result))
-    missed = one.factor * np.concatenate([curves.refined_rms_m, curves.sigma_m])
-    fit = [plot(MISS_REFINED, f"Picks miss [{one.symbol}]", missed), worst]
-    both = np.concatenate([curves.refined_rms_px, curves.sigma_px])
-    pixels = [plot(RESIDUAL_REFINED, "Picks miss [px]", both)]
-    if np.isfinite(curves.seed_rms_px).any():
-        fit.append(plot(MISS_SEED, f"Log misses [{one.symbol}]", one.factor * curves.seed_rms_m))
-        pixels.append(plot(RESIDUAL_SEED, "Log misses [px]", curves.seed_rms_px))
-    moved = _pose_plots(result, curves, poses)
-    rows = [
-        rrb.Horizontal(*fit, name="How the picks fit: white expected, red limit"),
-        rrb.Horizontal(*pixels, name="In pixels"),
-    ]
-    if moved:
-        rows.append(rrb.Horizontal(*moved, name="Heights, attitudes and sigmas"))
-    return rrb.Tabs(*rows, active_tab=0)
-
-
-def _pose_plots(result: Result, curves: FrameCurves, poses: PoseCurves) -> list[rrb.TimeSeriesView]:
-    plots, one = [], table_unit(units_of(result))
-    variance = [p.covariance[:, 2, 2] for p in (result.frames.seed, result.frames.refined)]
-    heights = np.concatenate([curves.seed_height_m, curves.refined_height_m])
-    attitude = np.concatenate([poses.seed_attitude_deg, poses.refined_attitude_deg])
-    position = np.concatenate([poses.seed_position_m, poses.refined_position_m])
-    corrections = np.concatenate([poses.tilt_deg, poses.turn_deg, poses.seed_attitude_deg])
-    if np.isfinite(heights).any():
-        upper = one.factor * (heights + np.sqrt(np.concatenate(variance)))
-        plots.append(plot(HEIGHT, f"Height, ±1 σ [{one.symbol}]", upper))
-    if np.isfinite(poses.tilt_deg).any():
-        plots.append(plot(CORRECTION, "Tilted, turned, σ of log [°]", corrections))
-    if np.isfinite(attitude).any():
-        plots.append(plot(ATTITUDE_SIGMA, "σ of attitude [°]", attitude))
-        title = f"σ of position [{one.symbol}]"
-        plots.append(plot(POSITION_SIGMA, title, one.factor * position))
-    return plots
 
 
 def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
@@ -302,7 +266,7 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     position = spot + np.array([0.0, 0.0, EYE_ABOVE * axes[0]])
     shown = ("ground/**", "points/picked", "points/ellipse_95_true_size/**")
     contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{CLOSE_UP}/**"]
-    size = convert_sentence(axes_text(axes), units_of(result))
+    size = axes_text(axes, units_of(result))
     name = f"Worst point {result.points.label[row]}, true scale: {size}"
     return space_view(name, contents, position, spot)
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
 from uavgram.model.arrays import Floats
-from uavgram.model.naming import METRIC, Units
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
 from uavgram.views.formatting import FRAME_STATE_WORDS
@@ -20,12 +20,7 @@ from uavgram.views.survey.outlines import find_largest_finite, largest_sigmas
 from uavgram.views.survey.reliability import pick_limit
 from uavgram.views.units import table_unit, units_of
 
-MISS_REFINED = "plots/miss"
-MISS_SEED = "plots/miss_of_flight_log/flight_log"
-RESIDUAL_REFINED = "plots/residual"
-WORST_W = "plots/worst_w"
-RESIDUAL_SEED = "plots/residual_of_flight_log/flight_log"
-HEIGHT = "plots/height"
+PLOTS = "plots"
 STATUS = "frame_status"
 
 
@@ -107,69 +102,10 @@ def _height(result: Result, poses: PoseTable) -> Floats:
     return np.asarray(center[:, 2] - result.plane.height_at(center[:, :2]), dtype=np.float64)
 
 
-def log_plots(recorder: Recorder, result: Result, curves: FrameCurves) -> None:
-    """Log every curve.
-
-    Parameters
-    ----------
-    recorder
-        The open recording.
-    result
-        Result of the run.
-    curves
-        Curves of this result.
-    """
-    limit = np.full(len(curves.worst_w), curves.limit_w)
-    one = table_unit(units_of(result))
-    misses = [one.factor * curve for curve in (curves.refined_rms_m, curves.sigma_m)]
-    seeded = one.factor * curves.seed_rms_m
-    for path, values, name, colour in (
-        (f"{MISS_REFINED}/refined", misses[0], f"after the adjustment [{one.symbol}]", REFINED),
-        (
-            f"{MISS_REFINED}/sigma_of_picks",
-            misses[1],
-            f"stated sigma of the picks [{one.symbol}]",
-            OBSERVED,
-        ),
-        (MISS_SEED, seeded, f"flight log alone [{one.symbol}]", SEED),
-        (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
-        (f"{RESIDUAL_REFINED}/sigma_of_picks", curves.sigma_px, "σ of the picks [px]", OBSERVED),
-        (f"{WORST_W}/worst", curves.worst_w, "largest misfit", REFINED),
-        (f"{WORST_W}/limit", limit, f"suspect beyond {curves.limit_w:.2f}", BAD),
-        (RESIDUAL_SEED, curves.seed_rms_px, "flight log [px]", SEED),
-    ):
-        recorder.curve(path, values, name, colour)
-    frames = result.frames
-    for path, height, poses, name, colour in (
-        (f"{HEIGHT}/flight_log", curves.seed_height_m, frames.seed, "flight log", SEED),
-        (f"{HEIGHT}/refined", curves.refined_height_m, frames.refined, "refined", REFINED),
-    ):
-        variance = one.factor**2 * poses.covariance[:, 2, 2]
-        _heights(recorder, path, one.factor * height, variance, f"{name} [{one.symbol}]", colour)
-
-
-def _heights(
-    recorder: Recorder, path: str, height: Floats, variance: Floats, name: str, colour: Rgb
-) -> None:
-    known = np.flatnonzero(np.isfinite(height) & np.isfinite(variance))
-    if len(known):
-        recorder.static(path, rr.Measurements.from_fields(colors=colour, names=name, widths=2.0))
-        recorder.rows(
-            path,
-            known,
-            lambda some: rr.Measurements.columns(values=height[some], variances=variance[some]),
-        )
-
-
 def log_status(recorder: Recorder, result: Result) -> None:
     """Log the state of each frame, and an end without which the last would have no width."""
     recorder.states(STATUS, frame_states(result), FRAME_COLOURS, FRAME_STATE_WORDS)
     recorder.end_after_last(STATUS, rr.StateChange.columns(state=[""]))  # "" ends a state
-
-
-CORRECTION = "plots/attitude_correction"
-ATTITUDE_SIGMA = "plots/attitude_sigma"
-POSITION_SIGMA = "plots/position_sigma"
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,29 +151,105 @@ def pose_curves(result: Result) -> PoseCurves:
     )
 
 
-def log_pose_plots(recorder: Recorder, curves: PoseCurves, units: Units = METRIC) -> None:
-    """Log every curve.
+class Curve(NamedTuple):
+    """Curve of a plot: last word of its path, (F,) values, name and colour; perhaps variances."""
+
+    path: str
+    values: Floats
+    name: str
+    colour: Rgb
+    variance: Floats | None = None
+
+
+class Plot(NamedTuple):
+    """Plot of several curves: path and title, with its unit."""
+
+    path: str
+    title: str
+    curves: tuple[Curve, ...]
+
+    @property
+    def values(self) -> Floats:
+        """Values of all curves, for the range: with a variance, one sigma above them."""
+        return np.concatenate(
+            [
+                one.values if one.variance is None else one.values + np.sqrt(one.variance)
+                for one in self.curves
+            ]
+        )
+
+
+def list_plots(result: Result, curves: FrameCurves, poses: PoseCurves) -> dict[str, list[Plot]]:
+    """Return the plots that have values, by the title of their row.
+
+    Rows are: fit of the picks on the ground, and in pixels; changes and sigmas of the poses.
 
     Parameters
     ----------
-    recorder
-        The open recording.
-    curves
-        Curves of the poses.
-    units
-        Units in which lengths are shown.
+    result
+        Result of the run.
+    curves, poses
+        Curves over its frames.
     """
-    one = table_unit(units)
-    for path, values, name, colour in (
-        (f"{CORRECTION}/tilt", curves.tilt_deg, "optical axis tilted [°]", REFINED),
-        (f"{CORRECTION}/turn", curves.turn_deg, "photo turned [°]", MEASURED),
-        (f"{CORRECTION}/log_sigma", curves.seed_attitude_deg, "σ of the flight log [°]", OBSERVED),
-        (f"{ATTITUDE_SIGMA}/flight_log", curves.seed_attitude_deg, "flight log [°]", SEED),
-        (f"{ATTITUDE_SIGMA}/refined", curves.refined_attitude_deg, "refined [°]", REFINED),
-    ):
-        recorder.curve(path, values, name, colour)
-    for path, values, name, colour in (
-        (f"{POSITION_SIGMA}/flight_log", curves.seed_position_m, "flight log", SEED),
-        (f"{POSITION_SIGMA}/refined", curves.refined_position_m, "refined", REFINED),
-    ):
-        recorder.curve(path, one.factor * values, f"{name} [{one.symbol}]", colour)
+    factor, unit = table_unit(units_of(result)).factor, table_unit(units_of(result)).symbol
+    seed, refined = (
+        factor**2 * one.covariance[:, 2, 2] for one in (result.frames.seed, result.frames.refined)
+    )
+    limit = np.full(len(curves.worst_w), curves.limit_w)
+    rows = {
+        "How the picks fit: white expected, red limit": [
+            Plot("miss", f"Picks miss [{unit}]", (
+                Curve("refined", factor * curves.refined_rms_m, "after the adjustment", REFINED),
+                Curve("sigma_of_picks", factor * curves.sigma_m, "stated sigma", OBSERVED),
+            )),
+            Plot("worst_w", "Worst pick [σ]", (
+                Curve("worst", curves.worst_w, "largest misfit", REFINED),
+                Curve("limit", limit, f"suspect beyond {curves.limit_w:.2f}", BAD),
+            )),
+            Plot("miss_of_flight_log", f"Log misses [{unit}]", (
+                Curve("flight_log", factor * curves.seed_rms_m, "flight log alone", SEED),
+            )),
+        ],
+        "In pixels": [
+            Plot("residual", "Picks miss [px]", (
+                Curve("refined", curves.refined_rms_px, "refined", REFINED),
+                Curve("sigma_of_picks", curves.sigma_px, "stated sigma", OBSERVED),
+            )),
+            Plot("residual_of_flight_log", "Log misses [px]", (
+                Curve("flight_log", curves.seed_rms_px, "flight log", SEED),
+            )),
+        ],
+        "Heights, attitudes and sigmas": [
+            Plot("height", f"Height, ±1 σ [{unit}]", (
+                Curve("flight_log", factor * curves.seed_height_m, "flight log", SEED, seed),
+                Curve("refined", factor * curves.refined_height_m, "refined", REFINED, refined),
+            )),
+            Plot("attitude_correction", "Tilted, turned, σ of log [°]", (
+                Curve("tilt", poses.tilt_deg, "optical axis tilted", REFINED),
+                Curve("turn", poses.turn_deg, "photo turned", MEASURED),
+                Curve("log_sigma", poses.seed_attitude_deg, "σ of the flight log", OBSERVED),
+            )),
+            Plot("attitude_sigma", "σ of attitude [°]", (
+                Curve("flight_log", poses.seed_attitude_deg, "flight log", SEED),
+                Curve("refined", poses.refined_attitude_deg, "refined", REFINED),
+            )),
+            Plot("position_sigma", f"σ of position [{unit}]", (
+                Curve("flight_log", factor * poses.seed_position_m, "flight log", SEED),
+                Curve("refined", factor * poses.refined_position_m, "refined", REFINED),
+            )),
+        ],
+    }  # fmt: skip
+    known = {
+        title: [one for one in plots if np.isfinite(one.values).any()]
+        for title, plots in rows.items()
+    }
+    return {title: plots for title, plots in known.items() if plots}
+
+
+def log_plots(recorder: Recorder, rows: dict[str, list[Plot]]) -> None:
+    """Log the curves of all plots; the legend of each curve has the unit of its plot."""
+    for plot in (plot for plots in rows.values() for plot in plots):
+        for one in plot.curves:
+            recorder.curve(
+                f"{PLOTS}/{plot.path}/{one.path}", one.values, one.name, one.colour, one.variance
+            )

@@ -28,7 +28,7 @@ from uavgram.views.survey.heights import height_label
 from uavgram.views.survey.key_facts import least_certain_length
 from uavgram.views.survey.outlines import longest_middle
 from uavgram.views.survey.verdict import STATUS_WORDS, status_text
-from uavgram.views.units import convert_sentence, units_of
+from uavgram.views.units import format_length, units_of
 
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
 """Half the width of a letter on a usual screen, and the height of a line, in views of space.
@@ -118,7 +118,6 @@ def place_texts(
     *,
     ranks: Sequence[int] | None = None,
     most: int | None = None,
-    gap: float = GAP / LINE_ON_SCREEN,
 ) -> Placed:
     """Place level texts of one font size in a view whose y goes down, the first ones first.
 
@@ -139,8 +138,6 @@ def place_texts(
         must be at their objects.
     most
         Largest number of texts; by default all.
-    gap
-        Gap between a text and its object, in heights of a line.
     """
     ranks = range(len(words)) if ranks is None else ranks
     labels = [
@@ -148,7 +145,7 @@ def place_texts(
             spot,
             spot,
             letter * [len(text) + 1.0, 1.0],
-            2.0 * gap * float(letter[1]),
+            2.0 * GAP / LINE_ON_SCREEN * float(letter[1]),
             "at" if rank < 0 else "beside",
             rank=rank,
         )
@@ -202,9 +199,9 @@ def reference_text(result: Result, row: int) -> str:
     lines = result.lines
     units = units_of(result)
     length_m, adjusted_m = float(lines.length_m[row]), float(lines.adjusted_m[row])
-    taped = f"{lines.name[row]}: {convert_sentence(f'{length_m:.2f} m', units, exact=[length_m])}"
+    taped = f"{lines.name[row]}: {format_length(length_m, units)}"
     if lines.status[row] in ("suspect", "removed"):
-        found = convert_sentence(f"{adjusted_m:.2f} m", units, exact=[adjusted_m])
+        found = format_length(adjusted_m, units)
         return f"{lines.status[row].upper()} {taped} taped, {found} found"
     return f"{taped} (withheld)" if lines.status[row] == "checked" else f"{taped} (known)"
 
@@ -294,7 +291,7 @@ def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
     row, points = scene.worst_point, result.points
     if row is None:
         return []
-    axes = convert_sentence(axes_text(points.relative.ellipse_95_m[row]), units_of(result))
+    axes = axes_text(points.relative.ellipse_95_m[row], units_of(result))
     return [
         (points.position_world_m[row], f"{points.label[row]}: largest 95 % ellipse, {axes}", -1)
     ]

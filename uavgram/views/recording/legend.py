@@ -33,7 +33,7 @@ from uavgram.views.style import (
 )
 from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.verdict import STATUS_WORDS, summarise_result
-from uavgram.views.units import convert_sentence, units_of
+from uavgram.views.units import units_of
 
 LEGEND = "legend"
 # Twice the displayed size, for sharp letters; wider if the texts need it.
@@ -94,7 +94,7 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
             size = describe_exaggeration(scene.ellipse_factor)
             words = f"95 % ellipses, drawn {size}; half axis:"
         legend.write(0, words)
-        first, last = (convert_sentence(size_text(one), units_of(result)) for one in (low, high))
+        first, last = (size_text(one, units_of(result)) for one in (low, high))
         legend.scale(1, first, last, scale_colours(np.linspace(0, 1, BAR_PX)))
         legend.align()
     remarks = ["± is one sigma"]

@@ -10,15 +10,16 @@ from functools import partial
 import numpy as np
 
 from uavgram.model.naming import format_count
-from uavgram.model.result.result import Result, compare_cameras
+from uavgram.model.result.result import Result
 from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
     LEVEL_RANK,
-    LINE_STATUS_WORDS,
     NOT_UNIQUE,
     WHY_TO_NEIGHBOURS,
     WHY_TWO_ELLIPSES,
+    axes_text,
     describe_origin,
+    each_plus_minus,
     order_computed_first,
     order_worst_fit_first,
 )
@@ -28,31 +29,26 @@ from uavgram.views.recording.photo import FramePicks
 from uavgram.views.recording.points import has_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.result_tables import result_table
+from uavgram.views.result_tables import Source, result_table
+from uavgram.views.survey.fit import fit_tables
 from uavgram.views.survey.heights import OffGround, height_of
 from uavgram.views.survey.key_facts import (
     frame_origins,
     has_automatic_picks,
     key_facts,
-    note_automatic_values,
     picks_text,
     ties_text,
 )
 from uavgram.views.survey.reliability import (
-    effect_words,
     overall_words,
-    prior_rows,
+    prior_table,
     removal_rows,
     second_order_rows,
-    weakest_links,
+    weakest_table,
 )
-from uavgram.views.survey.verdict import (
-    THREE_SIGMA,
-    VerdictWords,
-    status_text,
-    summarise_result,
-    verdict_words,
-)
+from uavgram.views.survey.verdict import VerdictWords, summarise_result, verdict_words
+from uavgram.views.tables import Cell, make_table
+from uavgram.views.units import table_unit, units_of
 
 LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "⚠", None: "-"}
 """Mark before the headline, by level of the verdict.
@@ -66,16 +62,12 @@ def _page(name: str, result: Result, **shown: object) -> str:
     template = page_environment().get_template(f"recording/{name}.md")
     text = template.render(
         result=result,
-        effect_words=effect_words,
         table=partial(result_table, result=result),
         **make_unit_variables(result),
-        line_words=LINE_STATUS_WORDS,
-        status_text=status_text,
         not_unique=NOT_UNIQUE,
         why_to_neighbours=WHY_TO_NEIGHBOURS,
         why_two_ellipses=WHY_TWO_ELLIPSES,
         measured=order_computed_first(result.measurements),
-        measured_alone=note_automatic_values(result),
         **shown,
     )
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n")
@@ -112,8 +104,8 @@ def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
 
 def measured_page(result: Result) -> str:
     """Render all measurements, with the effect of undetected errors on each."""
-    links = weakest_links(result)
-    return _page("measured", result, weakest=links, second_order=second_order_rows(result))
+    weakest, second_order = weakest_table(result), second_order_rows(result)
+    return _page("measured", result, weakest=weakest, second_order=second_order)
 
 
 def lengths_page(result: Result) -> str:
@@ -126,11 +118,10 @@ def checks_page(result: Result) -> str:
     return _page(
         "checks",
         result,
-        three_sigma=THREE_SIGMA,
         overall=overall_words(result),
         removals=removal_rows(result),
-        priors=prior_rows(result),
-        camera=compare_cameras(result.camera, result.shared.intrinsics),
+        priors=prior_table(result),
+        **fit_tables(result),
     )
 
 
@@ -139,11 +130,7 @@ def points_page(result: Result) -> str:
     within, rated = result.points.relative, result.points.neighbour_sigma_m
     known = np.isfinite(rated).any()  # a single point has no neighbours
     order = np.argsort(-(rated if known else within.ellipse_95_m[:, 0]), kind="stable")
-    return _page(
-        "points",
-        result,
-        points_order=order,
-    )
+    return _page("points", result, points_order=order)
 
 
 def heights_page(result: Result, standing: OffGround) -> str:
@@ -156,17 +143,19 @@ def heights_page(result: Result, standing: OffGround) -> str:
     standing
         Its points off the ground.
     """
-    points = result.points
-    order = np.argsort(-points.height_sigma_m[standing.rows], kind="stable")
-    return _page(
-        "heights",
-        result,
-        points=points,
-        order=order,
-        rows=standing.rows,
-        half_axes_m=standing.half_axes_m,
-        height_of=height_of,
+    points, source = result.points, Source(result)
+    rows = (
+        (
+            points.label[row := int(standing.rows[i])],
+            Cell(height_of(points, row), look="value"),
+            axes_text(standing.half_axes_m[i], source.units),
+            source.length(points.position_world_m[row, 2]),
+            str(len(points.frames[row])),
+        )
+        for i in np.argsort(-points.height_sigma_m[standing.rows], kind="stable").tolist()
     )
+    titles = "label | above the ground | 95 % half axes within the survey | up [m] | photos"
+    return _page("heights", result, heights=make_table(titles, rows, source.units))
 
 
 def messages_page(result: Result) -> str:
@@ -198,7 +187,8 @@ def frame_sheets(
     """
     template = page_environment().get_template("recording/frame.md")
     frames = result.frames
-    sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))[:, :3]
+    center, unit = frames.refined.center_world_m, table_unit(units_of(result))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     w = np.nan_to_num(np.abs(result.picks.w))
     made, shown = frame_origins(result), make_unit_variables(result)
@@ -213,7 +203,8 @@ def frame_sheets(
             made=made,
             curves=curves,
             poses=poses,
-            position_sigma_m=sigma[i, :3],
+            unit=unit,
+            place=each_plus_minus(unit.factor * center[i], unit.factor * sigma[i], 2),
             moved_m=moved[i],
             worst_label=result.picks.label[rows[np.argmax(w[rows])]] if len(rows) else "",
         )

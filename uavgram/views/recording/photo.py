@@ -23,7 +23,7 @@ from uavgram.stages.products.map_layers import (
     reference_strips,
 )
 from uavgram.stages.products.text_places import Placed
-from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, number, order_worst_first
+from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, order_worst_first
 from uavgram.views.recording.labels import (
     line_width,
     measured_text,
@@ -60,7 +60,7 @@ from uavgram.views.survey.outlines import (
     visible_runs,
 )
 from uavgram.views.survey.verdict import list_named_picks
-from uavgram.views.units import convert_sentence, units_of
+from uavgram.views.units import format_length, units_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,15 +354,11 @@ def place_on_photo(result: Result, words: Sequence[PhotoText], picked_px: Floats
 
 def _format_heights(result: Result) -> dict[str, str]:
     """Return the text of each point off the ground, such as ``V21 +1.40 m``."""
-    points = result.points
+    points, units = result.points, units_of(result)
     rows = np.flatnonzero(points.is_off_ground).tolist()
-    heights = [number(points.height_above_ground_m[row], 2, signed=True) for row in rows]
-    return {
-        points.label[
-            row
-        ]: f"{points.label[row]} {convert_sentence(f'{height} m', units_of(result))}"
-        for row, height in zip(rows, heights, strict=True)
-    }
+    heights = (format_length(points.height_above_ground_m[row], units, signed=True) for row in rows)
+    labels = [points.label[row] for row in rows]
+    return {label: f"{label} {height}" for label, height in zip(labels, heights, strict=True)}
 
 
 # Parent of the rulers from the ground to points off it, by the source of their heights.

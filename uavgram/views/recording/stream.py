@@ -177,7 +177,9 @@ class Recorder:
             for make in columns:
                 self.stream.send_columns(path, indexes=indexes, columns=make(some))
 
-    def curve(self, path: str, values: Floats, name: str, colour: Rgb) -> None:
+    def curve(
+        self, path: str, values: Floats, name: str, colour: Rgb, variance: Floats | None = None
+    ) -> None:
         """Log one curve over the frames.
 
         Parameters
@@ -187,14 +189,25 @@ class Recorder:
         values
             (F,) values; NaN gives no point.
         name
-            Name for the legend, with its unit.
+            Name for the legend.
         colour
             Colour of the line.
+        variance
+            (F,) variances, drawn as a band.
         """
-        known = np.flatnonzero(np.isfinite(values))
-        if len(known):
+        known = np.flatnonzero(np.isfinite(values if variance is None else values + variance))
+        if not len(known):
+            return
+        if variance is None:
             self.static(path, rr.SeriesLines(colors=colour, names=name, widths=2.0))
             self.rows(path, known, lambda some: rr.Scalars.columns(scalars=values[some]))
+            return
+        self.static(path, rr.Measurements.from_fields(colors=colour, names=name, widths=2.0))
+        self.rows(
+            path,
+            known,
+            lambda some: rr.Measurements.columns(values=values[some], variances=variance[some]),
+        )
 
     def states(
         self, path: str, states: Sequence[str], colours: Mapping[str, Rgb], words: Mapping[str, str]

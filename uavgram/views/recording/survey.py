@@ -78,6 +78,8 @@ def close_border(ring: Floats) -> Floats:
     return np.concatenate([ring, ring[:1]])
 
 
+# Dashes of each segment of a dashed line.
+DASHES = 15
 # Corners of the mesh that carries the mosaic, in pixels of the mosaic.
 MESH_CELL_PX = 8
 # States of frames that are drawn once more, and the words for their paths.
@@ -174,9 +176,9 @@ def _reference_lines(recorder: Recorder, result: Result) -> None:
         recorder.lines(f"survey/{entity}/{status}", strips, LINE_COLOURS[status], width)
 
 
-def _dashes(strip: Floats, count: int = 15) -> list[Floats]:
+def _dashes(strip: Floats) -> list[Floats]:
     """Return every other piece of a polyline's segments, as a dashed line."""
-    return list(sample_polyline(strip, 2 * count).reshape(-1, 2, 3))
+    return list(sample_polyline(strip, 2 * DASHES).reshape(-1, 2, 3))
 
 
 def _ground(result: Result, texture: GroundTexture, scene: Scene) -> rr.Mesh3D:

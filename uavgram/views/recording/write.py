@@ -14,8 +14,8 @@ from uavgram.model.result.tables import TieCloud
 from uavgram.views.recording.blueprint import blueprint, layout
 from uavgram.views.recording.curves import (
     frame_curves,
+    list_plots,
     log_plots,
-    log_pose_plots,
     log_status,
     pose_curves,
 )
@@ -39,7 +39,6 @@ from uavgram.views.recording.survey import (
     log_profiles,
     log_survey,
 )
-from uavgram.views.units import units_of
 
 
 def write_recording(
@@ -103,8 +102,7 @@ def _log_everything(
         log_sightings(recorder, result, ties, PHOTO)
         log_tie_points(recorder, ties)
     log_footprints(recorder, result)
-    log_plots(recorder, result, curves)
-    log_pose_plots(recorder, poses, units_of(result))
+    log_plots(recorder, list_plots(result, curves, poses))
     log_status(recorder, result)
     log_documents(recorder, result, scene, picks, curves, poses)
     log_map(recorder, result)

@@ -9,25 +9,15 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import POSE_NAMES, Result
 from uavgram.views.formatting import number
-from uavgram.views.result_tables import select_most_doubtful
+from uavgram.views.result_tables import Source, select_most_doubtful
 from uavgram.views.survey.outlines import flight_order
+from uavgram.views.tables import Table, make_table
 
 MAX_POSES, MAX_MATRICES = 120, 16
 """Largest numbers of printed poses and of their matrices; results.json has them all."""
 
 TO_PHOTO_AXES = np.diag([1.0, -1.0, -1.0])
 """Rotation from right, down, forward to photogrammetry's right, up, back."""
-
-
-class Pose(NamedTuple):
-    """Adjusted photo: centre and its sigmas [m], omega, phi, kappa and sigmas [°]."""
-
-    name: str
-    center_m: Floats
-    sigma_m: Floats
-    angles_deg: Floats
-    turn_sigma_deg: Floats
-    correlations: tuple[str, ...]
 
 
 SHORT = {
@@ -52,16 +42,6 @@ class Matrix(NamedTuple):
         return tuple(SHORT.get(name, name) for name in self.columns)
 
 
-class Residuals(NamedTuple):
-    """Residuals of a photo: number of picks, rms right and down [px], the largest and its label."""
-
-    name: str
-    picks: int
-    rms: tuple[str, str]
-    largest: str
-    label: str
-
-
 class Annex(NamedTuple):
     """Content of the annex.
 
@@ -69,21 +49,22 @@ class Annex(NamedTuple):
     ----------
     poses, poses_more
         Adjusted photos, and the number of those not shown.
-    pairs
-        Names of the columns of correlations within a pose.
+    pairs, correlations
+        Names of the columns of correlations within a pose, and these by photo.
     shared, matrices, matrices_more
         Correlations among the shared parameters; of each pose with them; number not shown.
     residuals, residuals_more
         Residuals by photo, the largest ones of many; number not shown.
     """
 
-    poses: tuple[Pose, ...]
+    poses: Table
     poses_more: int
     pairs: tuple[str, ...]
+    correlations: tuple[tuple[str, tuple[str, ...]], ...]
     shared: Matrix | None
     matrices: tuple[Matrix, ...]
     matrices_more: int
-    residuals: tuple[Residuals, ...]
+    residuals: Table
     residuals_more: int
 
 
@@ -98,13 +79,17 @@ def lay_out_annex(result: Result) -> Annex:
     short = ("E", "N", "U", "x", "y", "z")
     upper = zip(*np.triu_indices(6, 1), strict=True)
     return Annex(
-        poses=tuple(_pose(result, frame) for frame in order[:MAX_POSES]),
+        poses=_list_poses(result, order[:MAX_POSES]),
         poses_more=len(order[MAX_POSES:]),
         pairs=tuple(f"{short[i]}{short[j]}" for i, j in upper),
+        correlations=tuple(_correlate(result, frame) for frame in order[:MAX_POSES]),
         shared=shared,
         matrices=matrices,
         matrices_more=more,
-        residuals=tuple(_residuals(result, frame, rows[frame]) for frame in shown),
+        residuals=make_table(
+            "photo | >picks used | >rms right [px] | >rms down [px] | >largest [px] | of point",
+            (_residuals(result, frame, rows[frame]) for frame in shown),
+        ),
         residuals_more=len(order) - len(shown),
     )
 
@@ -127,20 +112,34 @@ def omega_phi_kappa_deg(world_from_camera: Floats) -> Floats:
     return np.asarray(np.degrees([omega, phi, kappa]), dtype=np.float64)
 
 
-def _pose(result: Result, frame: int) -> Pose:
-    poses = result.frames.refined
-    covariance = poses.covariance[frame]
+def _list_poses(result: Result, order: list[int]) -> Table:
+    """Return centre, rotation and sigmas of photos; the sigmas of rotation are about their axes."""
+    source, poses, rows = Source(result), result.frames.refined, []
+    for frame in order:
+        sigma = np.sqrt(np.diagonal(poses.covariance[frame]))
+        angles_deg = omega_phi_kappa_deg(poses.world_from_camera[frame])
+        rows.append(
+            (
+                result.frames.frame_id[frame],
+                *map(source.length_with_sigma, poses.center_world_m[frame], sigma[:3]),
+                *map(number, (*angles_deg, *np.degrees(sigma[3:]))),
+            )
+        )
+    return make_table(
+        "photo | >east [m] | >north [m] | >up [m] | >omega [°] | >phi [°] | >kappa [°] | "
+        ">sigma x [°] | >sigma y [°] | >sigma z [°]",
+        rows,
+        source.units,
+    )
+
+
+def _correlate(result: Result, frame: int) -> tuple[str, tuple[str, ...]]:
+    """Return the name of a photo, and the correlations within its pose."""
+    covariance = result.frames.refined.covariance[frame]
     sigma = np.sqrt(np.diagonal(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = covariance / np.outer(sigma, sigma)
-    return Pose(
-        name=result.frames.frame_id[frame],
-        center_m=poses.center_world_m[frame],
-        sigma_m=sigma[:3],
-        angles_deg=omega_phi_kappa_deg(poses.world_from_camera[frame]),
-        turn_sigma_deg=np.degrees(sigma[3:]),
-        correlations=_numbers(correlation[np.triu_indices(6, 1)]),
-    )
+    return result.frames.frame_id[frame], _numbers(correlation[np.triu_indices(6, 1)])
 
 
 def _numbers(values: Floats) -> tuple[str, ...]:
@@ -185,18 +184,13 @@ def _rows_by_photo(result: Result) -> list[list[int]]:
     return rows
 
 
-def _residuals(result: Result, frame: int, rows: list[int]) -> Residuals:
+def _residuals(result: Result, frame: int, rows: list[int]) -> tuple[str, ...]:
     picks, name = result.picks, result.frames.frame_id[frame]
     if not rows:
-        return Residuals(name, 0, ("–", "–"), "–", "–")
+        return (name, "0", "–", "–", "–", "–")
     residual = picks.residual_px[rows]
     rms = np.sqrt(np.mean(residual**2, axis=0))
     size = np.linalg.norm(residual, axis=1)
     worst = int(np.argmax(size))
-    return Residuals(
-        name,
-        len(rows),
-        (number(float(rms[0]), 2), number(float(rms[1]), 2)),
-        number(float(size[worst]), 2),
-        picks.label[rows[worst]],
-    )
+    sizes = (number(float(one), 2) for one in (*rms, size[worst]))
+    return (name, str(len(rows)), *sizes, picks.label[rows[worst]])

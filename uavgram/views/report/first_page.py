@@ -12,8 +12,8 @@ from uavgram.model.naming import join_names
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Pictures, Result
 from uavgram.views.formatting import order_shapes_first
-from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.pictures import GROUND, picture_mark
+from uavgram.views.survey.fit import checks_summary
 from uavgram.views.survey.key_facts import accuracy_words, note_automatic_values
 from uavgram.views.survey.top_view import TopView, fit_layout, mark_used_points, top_view
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,8 @@ from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
 from uavgram.views.formatting import number, order_computed_first, relief_text, shift_text
 from uavgram.views.survey.reliability import second_order_rows
-from uavgram.views.units import units_of
+from uavgram.views.tables import Table, make_table
+from uavgram.views.units import format_value, units_of
 
 MAX_RELIEF = 10
 """Largest number of single-photo measurements with a sentence of their own, the least certain."""
@@ -143,14 +145,14 @@ class AlternativeTable(NamedTuple):
     ----------
     solution
         The other one.
-    rows
-        Row, value there and difference in sigmas of the measurements that it changes most.
+    table
+        The measurements that it changes most.
     others
         A sentence on those that it changes less; empty if there are none.
     """
 
     solution: Alternative
-    rows: list[tuple[int, float, float]]
+    table: Table
     others: str
 
 
@@ -170,7 +172,21 @@ def _alternative(result: Result, other: Alternative) -> AlternativeTable:
     shown, rest = order[:MAX_DIFFERENT], order[MAX_DIFFERENT:]
     most = number(float(sigmas[rest].max(initial=0.0)), 1)
     others = f"All others ({len(rest)}) differ by at most {most} sigmas." if len(rest) else ""
-    return AlternativeTable(other, [(int(i), values[i], sigmas[i]) for i in shown], others)
+    value_text = partial(format_value, units=units_of(result))
+    cells = []
+    for i in shown.tolist():
+        own = float(rows.sigma[i]), rows.unit[i]
+        cells.append(
+            (
+                rows.name[i],
+                value_text(float(rows.value[i]), *own),
+                value_text(values[i], *own),
+                "+" * bool(difference[i] > 0) + value_text(difference[i], *own),
+                number(sigmas[i], 1),
+            )
+        )
+    titles = "name | >in this result | >in the other | >difference | >in sigmas"
+    return AlternativeTable(other, make_table(titles, cells), others)
 
 
 # Okabe and Ito (2008): distinguishable for colour-blind readers; in the order of the bars.

@@ -6,15 +6,15 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from uavgram.errors import OutputError
 from uavgram.estimation.measuring.error_budget import SOURCES
 from uavgram.estimation.reliability.redundancy import (
     TEST_POWER,
@@ -24,27 +24,22 @@ from uavgram.estimation.reliability.redundancy import (
 from uavgram.geometry.ground.figures import ELLIPSE_95
 from uavgram.model.maps import Paper
 from uavgram.model.naming import format_count
-from uavgram.model.provenance import InputDigest
-from uavgram.model.result.result import NO_PICTURES, Pictures, Result, compare_cameras
+from uavgram.model.result.result import NO_PICTURES, Pictures, Result
 from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
-    GROUP_WORDS,
-    LINE_STATUS_WORDS,
+    LEVEL_RANK,
     NOT_UNIQUE,
     WHY_TO_NEIGHBOURS,
     WHY_TWO_ELLIPSES,
     describe_origin,
-    format_interval,
-    height_text,
-    measurement_text,
     number,
     order_shapes_first,
     order_worst_fit_first,
     relief_text,
+    utc,
 )
 from uavgram.views.pages import PAPER_SIZES, make_unit_variables, page, page_pdf, weasyprint_for
 from uavgram.views.report.annex import lay_out_annex
-from uavgram.views.report.checks import checks_summary, draw_gauge, known_table
 from uavgram.views.report.first_page import MAX_REASONS, Brief, lay_out_brief, report_plan
 from uavgram.views.report.measurements import (
     MAX_ROWS,
@@ -56,34 +51,31 @@ from uavgram.views.report.measurements import (
     second_order_note,
 )
 from uavgram.views.report.pictures import embed_pictures, gallery
-from uavgram.views.result_tables import result_table, select_rows
+from uavgram.views.result_tables import Source, result_table, select_rows
 from uavgram.views.style import INK
+from uavgram.views.survey.fit import checks_summary, fit_tables
 from uavgram.views.survey.heights import collect_departures, profile_drawings
 from uavgram.views.survey.key_facts import (
     ONLY_PROGRAM,
-    SOURCE_WORDS,
     format_frame_ties,
     frame_origins,
     has_automatic_picks,
     key_facts,
-    note_automatic_values,
     picks_text,
-    point_origins,
     ties_text,
 )
 from uavgram.views.survey.outlines import largest_sigmas
 from uavgram.views.survey.reliability import (
-    effect_words,
-    line_limits,
     overall_words,
-    prior_rows,
+    prior_table,
     removal_rows,
     significance_of,
-    weakest_links,
+    weakest_table,
 )
 from uavgram.views.survey.top_view import key_plan, top_view
-from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
-from uavgram.views.units import format_sigma, format_value, units_of
+from uavgram.views.survey.verdict import verdict_words
+from uavgram.views.tables import Cell, Row, Table, make_table
+from uavgram.views.units import units_of
 
 MAX_FILES = 40
 """Number of files whose checksums are in the report; the annex has all."""
@@ -111,11 +103,63 @@ def list_foundations(result: Result) -> tuple[tuple[str, str], ...]:
     return tuple((question, answer) for question, answer in facts if answer)
 
 
-def select_files(result: Result) -> tuple[InputDigest, ...]:
-    """Choose the files whose checksums the report has: photos after all others."""
+def select_files(result: Result) -> Table:
+    """Return the files whose checksums the report has: photos after all others."""
     photos = {Path(path).name for path in result.frames.path}
     files = sorted(result.provenance.inputs, key=lambda one: Path(one.path).name in photos)
-    return tuple(files[:MAX_FILES])
+    rows = [(one.path, Cell(one.sha256, look="mono")) for one in files[:MAX_FILES]]
+    return make_table("file | SHA-256", rows)
+
+
+def _list_custody(result: Result, rows: Sequence[int]) -> Table:
+    """Return the inputs with their checksums."""
+    inputs = [result.provenance.inputs[k] for k in rows]
+    cells = ((one.path, str(one.size_bytes), Cell(one.sha256, look="mono")) for one in inputs)
+    return make_table("input | >bytes | SHA-256", cells)
+
+
+def _list_messages(result: Result) -> Table:
+    """Return the messages, problems first."""
+    words = {"error": "problem", "warning": "warning", "info": "note"}
+    rows = [
+        Row((Cell(words[one.level], look="tag"), one.text, Cell(one.code, look="mono code")),
+            one.level == "error")
+        for one in sorted(result.messages, key=lambda one: LEVEL_RANK[one.level])
+    ]  # fmt: skip
+    return make_table(" |  | ", rows)
+
+
+def _list_photos(result: Result, rows: Sequence[int]) -> Table:
+    """Return the photos with their times and places, and how well these are known."""
+    frames, source, ties = result.frames, Source(result), ties_text(result)
+    position_m, attitude_deg = largest_sigmas(frames.refined)
+    count, made, tied = (
+        Counter(result.picks.image),
+        frame_origins(result),
+        format_frame_ties(result),
+    )
+    cells = (
+        Row(
+            (
+                (name := frames.frame_id[i]),
+                utc(frames.time_utc_s[i]),
+                ": ".join(filter(None, (FRAME_STATUS_WORDS[frames.status[i]], frames.reason[i]))),
+                Cell(str(count[name]), below=made[i]),
+                *([tied[i]] if ties else []),
+                source.length(frames.refined.center_world_m[i, 2], 2),
+                source.length(position_m[i], 2),
+                number(attitude_deg[i], 2),
+            ),
+            frames.status[i] in ("rejected", "unmatched"),
+        )
+        for i in rows
+    )
+    return make_table(
+        f"photo | exposure (UTC) | status | >picks{' | >tie points (rms)' if ties else ''} | "
+        ">height [m] | >position sigma [m] | >attitude sigma [°]",
+        cells,
+        source.units,
+    )
 
 
 def _photos(result: Result) -> str:
@@ -190,14 +234,11 @@ REPORT, ANNEX = "report.html", "report_annex.html"
 MAX_LENGTHS, MAX_WARNINGS = 12, 12
 """Numbers of known lengths, worst fit first, and of warnings in the report; the annex has all."""
 
-MAX_CELLS = 30
-"""Number of measurements printed as a table of cells; more become text, which costs less."""
-
 
 def write_report(
     result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
 ) -> None:
-    """Write the report and its annex; a file is replaced only once the new one is complete.
+    """Write the report and its annex, into a folder whose files appear once all are complete.
 
     Parameters
     ----------
@@ -210,13 +251,14 @@ def write_report(
 
     Raises
     ------
-    OutputError
+    OSError
         If a file cannot be written.
     """
     target = Path(path)
     facts = _facts(result, pictures, target)
     for template, file in ((REPORT, target), (ANNEX, annex_of(target))):
-        _write(embed_pictures(_page(template, facts), pictures), file)
+        with file.open("wb") as stream:
+            stream.writelines(embed_pictures(_page(template, facts), pictures))
 
 
 def annex_of(report: Path) -> Path:
@@ -239,18 +281,6 @@ def _render(template: str, result: Result, pictures: Pictures) -> str:
     return b"".join(embed_pictures(page, pictures)).decode()
 
 
-def _write(parts: Iterable[bytes], target: Path) -> None:
-    unfinished = target.with_name(f".{target.name}.unfinished")
-    try:
-        with unfinished.open("wb") as file:
-            file.writelines(parts)
-        unfinished.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: the report cannot be written: {error}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
-
-
 def _page(template: str, facts: dict[str, Any]) -> str:
     """Fill in a template, with marks for its pictures."""
     return insert_contents(page(template, **facts))
@@ -258,26 +288,18 @@ def _page(template: str, facts: dict[str, Any]) -> str:
 
 def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
     """Compute the variables of both templates."""
-    units, first = units_of(result), lay_out_brief(result)
-    position_m, attitude_deg = largest_sigmas(result.frames.refined)
+    first, chosen, links = lay_out_brief(result), select_rows(result), weakest_table(result)
     fits = order_worst_fit_first(result.lines.w)
     unwithheld = [int(i) for i in fits if result.lines.status[i] != "checked"]
     return dict(
         result=result,
-        effect_words=effect_words,
-        gauge=draw_gauge,
-        interval=partial(format_interval, units=units),
-        measurement_text=partial(measurement_text, units=units),
         options=list_options(result),
-        group_words=GROUP_WORDS,
-        line_words=LINE_STATUS_WORDS,
-        frame_words=FRAME_STATUS_WORDS,
         verdict=verdict_words(result),
-        status_text=status_text,
         annex=lay_out_annex(result),
         brief=first,
         facts=key_facts(result),
         warnings=_warnings(result),
+        messages=_list_messages(result),
         report_file=report.name,
         annex_file=annex_of(report).name,
         foundations=list_foundations(result),
@@ -286,17 +308,12 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         most_lengths=MAX_LENGTHS,
         most_warnings=MAX_WARNINGS,
         measured=order_shapes_first(result.measurements),
-        most_cells=MAX_CELLS,
         not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
         relief=relief_notes(result),
-        relief_step=relief_text(units),
+        relief_step=relief_text(units_of(result)),
         table=partial(result_table, result=result),
-        value_text=partial(format_value, units=units),
-        spread_text=partial(format_sigma, units=units),
         learnt=describe_learnt_noise(result),
         uneven=collect_departures(result),
-        height_text=height_text,
-        sigma_m=np.sqrt(np.diagonal(result.points.covariance_m3, axis1=1, axis2=2)),
         sampled=describe_sampling(result),
         second_order=second_order_note(result),
         alternatives=alternative_tables(result),
@@ -309,24 +326,23 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         why_two_ellipses=WHY_TWO_ELLIPSES,
         budget=budget_table(result),
         unwithheld=unwithheld,
-        known=known_table(result),
+        **fit_tables(result),
         removals=removal_rows(result),
         checks=checks_summary(result),
         checks_together=overall_words(result),
-        three_sigma=THREE_SIGMA,
-        suspect_w=line_limits(result),
-        weakest=weakest_links(result),
-        most_weakest=MAX_ROWS,
-        picks=order_worst_fit_first(result.picks.w),
-        camera=compare_cameras(result.camera, result.shared.intrinsics),
-        priors=prior_rows(result),
-        pick_count=Counter(result.picks.image),
-        position_sigma_m=position_m,
-        attitude_sigma_deg=attitude_deg,
-        azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
+        weakest=links._replace(rows=links.rows[:MAX_ROWS]),
+        links_more=len(links.rows) - MAX_ROWS,
+        most_rows=MAX_ROWS,
+        priors=prior_table(result),
+        photos=_list_photos(result, chosen["photos_told"]),
+        custody=_list_custody(result, chosen["files_told"]),
         method=method_facts(result),
-        **_made_by(result),
-        **select_rows(result),
+        made=f"{datetime.fromisoformat(result.provenance.created_utc):%Y-%m-%d %H:%M} UTC",
+        found_any=has_automatic_picks(result),
+        only_program=ONLY_PROGRAM,
+        ties=ties_text(result),
+        picks_made=picks_text(result),
+        **chosen,
         **make_unit_variables(result),
     )
 
@@ -353,26 +369,12 @@ def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object
     }
 
 
-def _made_by(result: Result) -> dict[str, object]:
-    """Return the time of the run, the origin of picks and values, and the ties between photos."""
-    return {
-        "made": f"{datetime.fromisoformat(result.provenance.created_utc):%Y-%m-%d %H:%M} UTC",
-        "source_words": SOURCE_WORDS,
-        "found_any": has_automatic_picks(result),
-        "only_program": ONLY_PROGRAM,
-        "ties": ties_text(result),
-        "picks_made": picks_text(result),
-        "points_made": point_origins(result),
-        "frames_made": frame_origins(result),
-        "frames_tied": format_frame_ties(result),
-        "measured_alone": note_automatic_values(result),
-    }
-
-
-def list_options(result: Result) -> list[tuple[str, str]]:
-    """Return names and texts of the options that have a value."""
+def list_options(result: Result) -> Table:
+    """Return names and texts of the options that have a value, two beside each other."""
     every = result.provenance.options
-    return [(key, option_text(value)) for key, value in every if value is not None and value != ""]
+    told = [(key, option_text(value)) for key, value in every if value is not None and value != ""]
+    halves = zip_longest(told[::2], told[1::2], fillvalue=("", ""))
+    return make_table(" |  |  | ", ((*one, *other) for one, other in halves))
 
 
 def option_text(value: object) -> str:

@@ -35,6 +35,7 @@ from uavgram.views.survey.outlines import (
 from uavgram.views.survey.text_placement import TextRequest, box
 from uavgram.views.survey.top_view import list_used_labels
 from uavgram.views.survey.verdict import status_text
+from uavgram.views.tables import Cell, Table, make_table
 from uavgram.views.units import round_bar, units_of
 
 
@@ -107,10 +108,10 @@ def _around(result: Result, region: Region) -> tuple[str, ...]:
     return result.measurements.outlines[region.row]
 
 
-WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "point": 210.0}
+WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "quarter": 210.0}
 """Width of each kind of picture on the page, in units of its marks."""
-SIZES = {0: "half", 1: "single", 2: "half", 4: "half"}
-"""Kind of pictures for small numbers of measurements; otherwise three are side by side."""
+SIZES = {0: "half", 1: "single", 2: "half", 3: "third", 4: "half"}
+"""Kind of pictures for small numbers of measurements; otherwise four are side by side."""
 MAX_SHOWN = 12
 """Number of measurements with a picture in the report, least certain; the annex has the others."""
 DRAWN_OFF = 0.3
@@ -145,24 +146,15 @@ class PhotoPicture(NamedTuple):
         photo's rows, valid in the middle.
     name, told
         Subject of the picture, and remark on it.
-    photo, origin
-        Name of the photo, and description of the part of its file.
+    origin
+        Name of the photo, and the part of its file that is shown.
     """
 
     region: Region
     drawing: Drawing
     name: str
     told: str
-    photo: str
     origin: str
-
-
-class PhotoFile(NamedTuple):
-    """Photo that is shown: its name and SHA-256, and how it was brightened."""
-
-    name: str
-    sha256: str
-    stretch: str
 
 
 class Gallery(NamedTuple):
@@ -180,7 +172,7 @@ class Gallery(NamedTuple):
         Pictures of the annex: other measurements, points, and names of subjects not shown.
     """
 
-    files: tuple[PhotoFile, ...]
+    files: Table
     brightened: tuple[str, ...]
     overview: tuple[PhotoPicture, ...]
     measurements: tuple[PhotoPicture, ...]
@@ -205,8 +197,6 @@ class _SharedContent(NamedTuple):
         Rows of the picks that the adjustment considered, used ones first, by frame.
     places
         (K, 2) adjusted places of all points by frame that is shown; NaN outside the photo.
-    sha256
-        Checksums by frame that is shown.
     """
 
     lines: dict[Region, list[tuple[Floats, Look]]]
@@ -214,7 +204,6 @@ class _SharedContent(NamedTuple):
     alone: Sequence[str]
     picks: dict[int, Ints]
     places: dict[int, Floats]
-    sha256: dict[int, str]
 
 
 def gallery(result: Result, pictures: Pictures) -> Gallery | None:
@@ -223,22 +212,25 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
         return None
     drawn = _collect_shared_content(result, [one.region for one in pictures.shown])
     first = _in_report(result, pictures)
-    size = SIZES.get(len(first), "third")
+    size = SIZES.get(len(first), "quarter")
     made: dict[str, list[PhotoPicture]] = {"overview": [], "first": [], "more": [], "point": []}
     for row, picture in enumerate(pictures.shown):
         subject: str = picture.region.subject
         if subject == "measurement":
-            subject, width = ("first", size) if row in first else ("more", "third")
-        else:
-            width = subject
+            subject = "first" if row in first else "more"
+        width = {"overview": "overview", "first": size}.get(subject, "quarter")
         unit = picture.region.width_px / WIDTHS[width]
         made[subject].append(_photo_picture(result, drawn, picture, unit, row))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     brightened = {one.region.frame for one in pictures.shown if one.stretch is not None}
     names = result.frames.frame_id
     return Gallery(
-        files=tuple(
-            PhotoFile(names[f], drawn.sha256[f], words) for f, words in sorted(stretch.items())
+        files=make_table(
+            "photo | SHA-256 of the file | shown",
+            (
+                (names[f], Cell(photo_sha256(result, f) or "–", look="mono"), words)
+                for f, words in sorted(stretch.items())
+            ),
         ),
         brightened=tuple(names[frame] for frame in sorted(brightened)),
         overview=tuple(made["overview"]),
@@ -272,7 +264,6 @@ def _collect_shared_content(result: Result, regions: Sequence[Region]) -> _Share
             frame: project_from(result, row_poses(result, frame), result.points.position_world_m)
             for frame in frames
         },
-        sha256={frame: photo_sha256(result, frame) for frame in frames},
     )
 
 
@@ -315,18 +306,16 @@ def _photo_picture(
         drawing=drawing,
         name=name,
         told=told,
-        photo=result.frames.frame_id[region.frame],
-        origin=_origin(result, picture, drawn.sha256[region.frame]),
+        origin=_origin(result, picture),
     )
 
 
-def _origin(result: Result, picture: Picture, digest: str) -> str:
+def _origin(result: Result, picture: Picture) -> str:
     region = picture.region
-    of = f" (SHA-256 {digest[:12]}…)" if digest else ""
     right, bottom = region.left_px + region.width_px - 1, region.top_px + region.height_px - 1
     reduced = picture.shown_px < region.width_px
     return (
-        f"{result.frames.frame_id[region.frame]}{of}, columns {region.left_px} to {right}, rows "
+        f"{result.frames.frame_id[region.frame]}, columns {region.left_px} to {right}, rows "
         f"{region.top_px} to {bottom}"
         + (f", reduced to {picture.shown_px} columns" if reduced else "")
         + (", brightened" if picture.stretch else "")
@@ -351,7 +340,11 @@ def _words(
         who = PICKED_BY["hand" if "hand" in sources else sources[0]] if sources else ""
         used = format_count(len(result.points.frames[region.row]), "photo")
         sigma = float(result.points.neighbour_sigma_m[region.row])
-        near = f"; ± {size_text(sigma)} to its neighbours" if np.isfinite(sigma) else ""
+        near = (
+            f"; ± {size_text(sigma, units_of(result))} to its neighbours"
+            if np.isfinite(sigma)
+            else ""
+        )
         return label, f"{who}; used in {used}{near}"
     row = measurement_text(result.measurements, region.row, units_of(result))
     alone = drawn.alone[region.row]

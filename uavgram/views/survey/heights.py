@@ -9,18 +9,19 @@ import numpy as np
 from uavgram.geometry.ground.figures import ELLIPSOID_95, error_ellipsoid
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.naming import METRIC, Units
+from uavgram.model.naming import METRIC, Units, round_down
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import COLUMNS, HeightSource, PointResults
 from uavgram.views.formatting import format_with_sigma, height_text, number
 from uavgram.views.style import INK, diverging_colours
 from uavgram.views.survey.drawing import Drawing, Look
-from uavgram.views.survey.outlines import nice_factor, round_length
+from uavgram.views.survey.outlines import nice_factor
 from uavgram.views.survey.text_placement import TextRequest, box
+from uavgram.views.tables import Table, make_table
 from uavgram.views.units import (
     DisplayUnit,
-    convert_sentence,
     decimals,
+    format_length,
     round_bar,
     table_unit,
     units_of,
@@ -90,7 +91,7 @@ def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:
     source = points.height_source[row]
     value = format_with_sigma(height, sigma, "m", units)
     if not sigma > 0:
-        value = convert_sentence(f"{number(height, 2)} m", units, exact=[abs(height)])
+        value = format_length(height, units)
     word = {"stated": ", stated", "found": ", not free in the picks"}.get(source, "")
     return f"{points.label[row]} {value}{word}"
 
@@ -176,8 +177,8 @@ class ProfileDrawing:
         Heights of the level lines over the first point as texts.
     exaggeration
         Exaggeration of heights against stations.
-    rows
-        Rows of the table: label, then a cell for each of `COLUMNS`.
+    table
+        Label, then a cell for each of `COLUMNS`.
     """
 
     name: str
@@ -185,7 +186,7 @@ class ProfileDrawing:
     labels: tuple[str, ...]
     levels: tuple[str, ...]
     exaggeration: int
-    rows: tuple[tuple[str, ...], ...]
+    table: Table
 
 
 def profile_drawings(result: Result) -> tuple[ProfileDrawing, ...]:
@@ -243,14 +244,15 @@ def _draw(result: Result, name: str, rows: Ints) -> ProfileDrawing:
             for rank, (label, bar) in enumerate(zip(labels, bars, strict=True))
         ]
     )
-    cells = tuple((profiles.label[i], *_cells(result, int(i))) for i in rows)
-    return ProfileDrawing(name, drawing, labels, levels, factor, cells)
+    titles = " | ".join(("point", *(f">{name}, {table_unit(units).symbol}" for name in COLUMNS)))
+    cells = ((profiles.label[i], *_cells(result, int(i))) for i in rows)
+    return ProfileDrawing(name, drawing, labels, levels, factor, make_table(titles, cells))
 
 
 def _levels(low: float, high: float, one: DisplayUnit) -> tuple[Floats, tuple[str, ...]]:
     """Return round heights [m] in the unit that is shown, and their texts."""
     low, high = low * one.factor, high * one.factor
-    step = round_length(max(high - low, 1e-6) / GRID_LINES * 2.0)
+    step = round_down(max(high - low, 1e-6) / GRID_LINES * 2.0)
     levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
     places = max(0, int(np.ceil(-np.log10(step))))
     texts = tuple(f"{number(level, places)} {one.symbol}" for level in levels.tolist())

@@ -146,14 +146,14 @@ def _worst_fit(result: Result) -> str:
 
 
 def _least_known_point(result: Result) -> Fact:
-    points = result.points
+    points, units = result.points, units_of(result)
     if np.isfinite(points.neighbour_sigma_m).any():
         row = int(np.nanargmax(points.neighbour_sigma_m))
-        sigma, around = size_text(float(points.neighbour_sigma_m[row])), points.neighbours[row]
-        told = f"{points.label[row]}: ± {sigma} ({', '.join(around)})"
+        sigma, around = float(points.neighbour_sigma_m[row]), points.neighbours[row]
+        told = f"{points.label[row]}: ± {size_text(sigma, units)} ({', '.join(around)})"
         return "point least known against its neighbours", told
     widest = largest_ellipse(result)  # a single point has no neighbours
-    axes = "" if widest is None else axes_text(points.relative.ellipse_95_m[widest])
+    axes = "" if widest is None else axes_text(points.relative.ellipse_95_m[widest], units)
     told = f"{points.label[widest]}: {axes}" if widest is not None else ""
     return "largest 95 % ellipse within the survey (half axes)", told
 

@@ -31,12 +31,6 @@ def nice_factor(size: float, wanted: float) -> int:
     return max((f for f in NICE_FACTORS if f * size <= wanted), default=1)
 
 
-def round_length(most_m: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is not larger."""
-    power = 10.0 ** np.floor(np.log10(most_m))
-    return float(power * max(f for f in (1, 2, 5) if f * power <= most_m * (1 + 1e-9)))
-
-
 def frustum_corners(result: Result) -> Floats:
     """Return (4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
     camera = result.camera

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
 from uavgram.views.formatting import UNIT_WORDS, chance, number, order_computed_first
+from uavgram.views.tables import Cell, Row, Table, make_table
 from uavgram.views.units import format_sigma, units_of
 
 
@@ -63,11 +65,16 @@ LARGE = 1000.0
 """Size from which on numbers are shown without decimals."""
 
 
-def weakest_links(result: Result) -> list[dict[str, str]]:
-    """Describe for each measurement the worst undetected error, and its unchecked observations.
+class WeakestLink(NamedTuple):
+    """Measurement with the error that moves it most undetected, and its unchecked observations."""
 
-    The least certain measurement is first.
-    """
+    name: str
+    weakest: str
+    unchecked: str
+
+
+def weakest_links(result: Result) -> list[WeakestLink]:
+    """Describe the weakest link of each measurement, the least certain one first."""
     if result.evidence is None:
         return []
     rows, links = result.measurements, result.evidence.weakest
@@ -84,7 +91,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
                 f"{links.what[i]} would move it by {number(abs(links.change[i]))} {unit}"
             )
         unchecked = join_names(links.unchecked[i], MAX_UNCHECKED)
-        table.append({"name": name, "weakest": weakest, "unchecked": unchecked})
+        table.append(WeakestLink(name, weakest, unchecked))
     return table
 
 
@@ -107,26 +114,35 @@ def effect_words(result: Result, effects: Effects, i: int) -> str:
     return f"{number(effects.change[i], signed=True)} {UNIT_WORDS.get(unit, unit)} in {name!r}"
 
 
-def prior_rows(result: Result) -> list[dict[str, str | bool]]:
-    """Return the priors that fit worst."""
-    if result.evidence is None:
-        return []
-    priors: PriorResults = result.evidence.priors
-    limit = prior_limits(result)
-    order = np.argsort(-np.abs(priors.w), kind="stable")[:MAX_PRIORS]
-    return [
-        {
-            "name": priors.name[i],
-            "frame": priors.frame_id[i],
-            "residual": number(priors.residual[i], 1, signed=True),
-            "w": number(priors.w[i], 1, signed=True),
-            "redundancy": number(priors.redundancy[i], 2),
-            "bias": _amount(priors.bias[i], priors.unit[i]),
-            "effect": effect_words(result, priors.effects, int(i)),
-            "bad": bool(abs(priors.w[i]) > limit[i]),
-        }
-        for i in order
-    ]
+def weakest_table(result: Result) -> Table:
+    """Return the table of `weakest_links`."""
+    links = (link._replace(unchecked=link.unchecked or "–") for link in weakest_links(result))
+    return make_table("name | weakest link | checked by nothing else", links)
+
+
+def prior_table(result: Result) -> Table:
+    """Return the table of the priors that fit worst."""
+    rows = []
+    if result.evidence is not None:
+        priors: PriorResults = result.evidence.priors
+        limit = prior_limits(result)
+        for i in np.argsort(-np.abs(priors.w), kind="stable")[:MAX_PRIORS].tolist():
+            is_bad = bool(abs(priors.w[i]) > limit[i])
+            cells = (
+                priors.name[i],
+                priors.frame_id[i] or "–",
+                number(priors.residual[i], 1, signed=True),
+                Cell(number(priors.w[i], 1, signed=True), look="bad" * is_bad),
+                number(priors.redundancy[i], 2),
+                _amount(priors.bias[i], priors.unit[i]),
+                effect_words(result, priors.effects, i),
+            )
+            rows.append(Row(cells, is_bad))
+    return make_table(
+        "what | photo | >moved by [its sigmas] | >w | >redun\u00addancy | "
+        ">smallest error that shows | which, unseen, would move",
+        rows,
+    )
 
 
 def removal_rows(result: Result) -> list[str]:

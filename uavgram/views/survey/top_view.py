@@ -25,12 +25,12 @@ from uavgram.stages.products.map_layers import (
 from uavgram.stages.products.text_places import Where
 from uavgram.views.formatting import measurement_text, number, order_worst_first
 from uavgram.views.style import INK, LOOKS, hex_colour
-from uavgram.views.survey.drawing import PAPER, Drawing, Look
+from uavgram.views.survey.drawing import PAPER, Drawing, Look, Sign
 from uavgram.views.survey.heights import Departures, collect_departures
 from uavgram.views.survey.outlines import nice_factor
 from uavgram.views.survey.sheet import MAX_HEIGHT, WIDTH, Sheet, draw_frame, lay_sheet
 from uavgram.views.survey.text_placement import TextRequest, box, half_size
-from uavgram.views.units import INCH_M, convert_sentence, format_value, units_of
+from uavgram.views.units import INCH_M, format_length, format_value, units_of
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MAX_ROOM = 0.3
@@ -59,6 +59,84 @@ DOUBT_MARK = " ?"
 """Mark after a value that is doubtful, or differs in another solution that fits as well."""
 
 
+class Sample(NamedTuple):
+    """Entry of a legend: what it means, and how the line or the sign is drawn.
+
+    Attributes
+    ----------
+    text
+        Its meaning.
+    look
+        Style of the line, or of the sign.
+    sign, radius
+        Form of the sign, and half its size; None: a line.
+    """
+
+    text: str
+    look: Look
+    sign: Sign | None = None
+    radius: float = 0.0
+
+    def draw(self, drawing: Drawing, left: float, right: float, y: float) -> None:
+        """Draw it from left to right at a height, a sign in the middle.
+
+        Parameters
+        ----------
+        drawing
+            The drawing.
+        left, right, y
+            Where to draw.
+        """
+        if self.sign is None:
+            drawing.lines("samples", [np.array([[left, y], [right, y]])], self.look)
+        else:
+            at = np.array([[(left + right) / 2, y]])
+            drawing.signs("samples", at, self.radius, self.look, sign=self.sign)
+
+    def __html__(self) -> str:
+        """Return the sample alone, as SVG."""
+        drawing = Drawing(self.text, 26.0, 12.0, kind="sample")
+        self.draw(drawing, 0.0, 26.0, 6.0)
+        return drawing.__html__()
+
+
+STATUS_TEXTS = {
+    "used": "known length, used",
+    "checked": "known length, withheld as a check",
+    "suspect": "known length that does not fit",
+    "removed": "known length that does not fit",
+    "unseen": "known length, not seen",
+}
+
+
+def list_samples(result: Result, drawing: Drawing | None = None) -> list[Sample]:
+    """Return the legend of a survey: the lines and signs that occur.
+
+    Parameters
+    ----------
+    result
+        The survey.
+    drawing
+        If given, the first text states how many of its measurements are named.
+    """
+    named = total = len(measured_strips(result))
+    if drawing is not None:
+        named = sum(text.kind == "measured" for text in drawing.texts)
+    most = f" (of {total}, the {named} least certain for their size are named)"
+    looks = {"measured" + most * (named < total): line_look("measured_lines", "ok")}
+    for status in result.lines.status:
+        looks.setdefault(STATUS_TEXTS[status], line_look("known_lengths", status))
+    if result.control_lines.name:
+        looks["line of known position"] = line_look("control_lines", "used")
+    samples = [Sample(text, look) for text, look in looks.items()]
+    samples.append(Sample("point", Look(fill=INK["point"]), "ring", 2.2))
+    if result.points.is_off_ground.any():
+        samples.append(
+            Sample("a point off the ground", Look(INK["point"], 1.1), "diamond", DIAMOND)
+        )
+    return samples
+
+
 @dataclass(frozen=True)
 class TopView:
     """Drawing, and what its legend needs.
@@ -71,10 +149,10 @@ class TopView:
         Mapping from the world to it.
     full_m
         Departure from the plane from which on colours are full; 0 if there is none.
-    has_off_ground, has_doubt
-        Whether points are marked that are off the ground, and values that are doubtful.
-    measured, named
-        Number of measurements drawn, and of those of them with a name: the least certain ones.
+    legend
+        Samples of its lines and signs.
+    has_off_ground
+        Whether points are marked that are off the ground.
     ellipse_factor, fill_ellipses
         Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
     small_unit
@@ -84,13 +162,16 @@ class TopView:
     drawing: Drawing
     sheet: Sheet
     full_m: float
+    legend: tuple[Sample, ...]
     has_off_ground: bool
-    has_doubt: bool
-    measured: int
-    named: int
     ellipse_factor: int
     fill_ellipses: bool
     small_unit: str
+
+    @property
+    def has_doubt(self) -> bool:
+        """Return whether it has a value that is doubtful."""
+        return any(text.text.endswith(DOUBT_MARK) for text in self.drawing.texts)
 
 
 class Layout(NamedTuple):
@@ -211,10 +292,8 @@ def top_view(
         drawing=drawing,
         sheet=sheet,
         full_m=uneven.full_m if uneven else 0.0,
+        legend=tuple(list_samples(result, drawing)),
         has_off_ground=off_ground,
-        has_doubt=any(text.text.endswith(DOUBT_MARK) for text in drawing.texts),
-        measured=len(measured_strips(result)),
-        named=sum(text.kind == "measured" for text in drawing.texts),
         ellipse_factor=factor,
         fill_ellipses=fill_ellipses,
         small_unit="centimetres" if units.length == "m" else "inches",
@@ -377,7 +456,7 @@ def survey_texts(
         texts.append(_along(drawing, strip, text, "measured", ink, where, is_needed=k < needed))
     for i, strip in reference_strips(result).items():
         length_m = float(result.lines.length_m[i])
-        length = convert_sentence(f"{length_m:.2f} m", units, exact=[length_m])
+        length = format_length(length_m, units)
         if is_full:
             length = format_value(length_m, float(result.lines.sigma_m[i]), "m", units)
         ink = LOOKS["known_lengths"].colour_of(result.lines.status[i])
