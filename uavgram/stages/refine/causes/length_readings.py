@@ -14,11 +14,16 @@ from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, UNITS
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Floats
-from uavgram.model.message import Message
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import join_names
 from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.flight_log import scale_by_heights
 from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.other_poses import (
+    compute_decreases,
+    find_picks_of_photo,
+    needs_other_poses,
+)
 from uavgram.stages.refine.causes.suspect_lengths import (
     MAX_SLIP_SIGMAS,
     MessageWords,
@@ -28,6 +33,9 @@ from uavgram.stages.refine.causes.suspect_lengths import (
 
 MAX_WRONG_LENGTHS = 4
 """Largest number of single wrong lengths that are proposed."""
+
+MAX_EXCHANGED = 12
+"""Largest number of lengths of a photo of which all pairs are exchanged."""
 
 MIN_LENGTHS_FOR_ALL = 3
 """Number of lengths above which a mistake in every one of them is reported for all together."""
@@ -84,7 +92,10 @@ def propose_slips(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose slips: lengths with a wrong digit, or with exchanged readings."""
     found = find_suspect_lengths(diagnosis)
     yield from _propose_digits(found)
-    yield from _propose_exchanged(found)
+    if needs_other_poses(diagnosis):
+        yield from _propose_exchanged_by_other_poses(diagnosis)
+    else:
+        yield from _propose_exchanged(found)
 
 
 def _propose_units(found: SuspectLengths) -> Iterator[Hypothesis]:
@@ -137,6 +148,56 @@ def _propose_exchanged(found: SuspectLengths) -> Iterator[Hypothesis]:
     for i, j in combinations(range(len(found.line)), 2):
         tell = partial(_exchanged_message, found, (i, j))
         yield from _propose_slip(found, (i, j), found.reading_m[[j, i]], others, tell)
+
+
+def _propose_exchanged_by_other_poses(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    survey = diagnosis.survey
+    pairs = [
+        (i, j)
+        for i, j in combinations(range(len(survey.length_m)), 2)
+        if survey.length_m[i] != survey.length_m[j]
+    ]
+    if not pairs or len(survey.length_m) > MAX_EXCHANGED:
+        return
+    every = [
+        SurveyCorrection(length_m={i: float(survey.length_m[j]), j: float(survey.length_m[i])})
+        for i, j in pairs
+    ]
+    decrease = compute_decreases(diagnosis, find_picks_of_photo(diagnosis), every)
+    for k in np.argsort(-decrease, kind="stable")[:MAX_WRONG_LENGTHS].tolist():
+        if decrease[k] > 0.0:
+            yield Hypothesis(
+                message=partial(_exchanged_pair_message, survey, pairs[k]),
+                mend=every[k],
+                is_of_all=True,
+                promise=float(decrease[k]),
+                price=float(np.log(len(pairs))),
+                settles=frozenset(survey.line_name[i] for i in pairs[k] if survey.line_name),
+            )
+
+
+def _exchanged_pair_message(
+    survey: Survey, pair: tuple[int, int], _: HypothesisTest | None
+) -> Message:
+    """Report two lengths whose readings, exchanged, fit with all others."""
+    ends = [(survey.label[survey.line_start[k]], survey.label[survey.line_end[k]]) for k in pair]
+    names = [survey.line_name[k] if survey.line_name else "" for k in pair]
+    first, second = (describe_ends(name, *two) for name, two in zip(names, ends, strict=True))
+    one, other = (f"{survey.length_m[k]:.10g} m" for k in pair)
+    return Message(
+        "warning",
+        "lines-exchanged",
+        f"The readings of the lengths {first} and {second} seem to be exchanged: look at the "
+        f"notes, and swap them. The first is written as {one}, the second as {other}; the other "
+        "way round, they fit with all others.",
+        lengths=tuple(filter(None, names)),
+        labels=tuple(dict.fromkeys(label for two in ends for label in two)),
+        several=MessagePlural(
+            "{count} pairs of lengths seem to have each other's readings",
+            f"{first} and {second}",
+            ending="Swap them.",
+        ),
+    )
 
 
 def _propose_slip(

@@ -8,13 +8,10 @@ the right one makes it fit.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.first_poses.first_values import estimate_length_poses
-from uavgram.estimation.first_poses.length_poses import compare_with_seed
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.reliability.redundancy import compute_core_fit, compute_reductions
 from uavgram.geometry.camera.projection import back_project
@@ -26,6 +23,11 @@ from uavgram.stages.refine.causes.hypothesis import (
     Diagnosis,
     Hypothesis,
     find_usable_picks,
+)
+from uavgram.stages.refine.causes.other_poses import (
+    compute_decreases,
+    find_picks_of_photo,
+    needs_other_poses,
 )
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.causes.wrong_picks import swapped_message
@@ -45,22 +47,17 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     survey = diagnosis.survey
     spoilt = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
     labels = len(diagnosis.adjustment.survey.label)
-    is_single = len(np.unique(survey.pick_frame[find_usable_picks(diagnosis.taking)])) == 1
     wrong = _mark_wrong_lengths(diagnosis)
-    # Points of a single photo, or of an adjustment without a minimum, are of no use.
-    by_other_poses = is_single or not diagnosis.adjustment.minimum.converged
-    if by_other_poses:
+    if by_other_poses := needs_other_poses(diagnosis):
         ranked = _rank_by_other_poses(diagnosis)
     else:
         ranked = _rank_by_places(diagnosis, np.flatnonzero(wrong))
     for (a, b), promise in ranked:
         touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
-        lines = np.flatnonzero(touched & (wrong | is_single))
-        right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
-        right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
+        lines = np.flatnonzero(touched & (wrong | by_other_poses))
         yield Hypothesis(
             message=partial(_swapped_everywhere_message, diagnosis, (a, b), lines),
-            mend=SurveyCorrection(label_of_pick=right),
+            mend=_exchange(survey, a, b),
             # A single length between wrong labels explains as much if no other ends at either.
             is_clear=touched.sum() > 1,
             is_of_all=by_other_poses,
@@ -108,70 +105,26 @@ def _rank_by_places(diagnosis: Diagnosis, wrong: Ints) -> list[tuple[tuple[int, 
 def _rank_by_other_poses(diagnosis: Diagnosis) -> list[tuple[tuple[int, int], float]]:
     """List pairs of labels whose exchange lets all lengths of a photo fit in some pose.
 
-    Lengths between wrong labels distort the pose of a single photo, and so all of its points. Hence
-    each exchange gets a pose of its own: all are estimated together, as if each were a photo. Of
-    several photos, the one with most picks is used.
-
     Returns
     -------
     The best pairs, and the expected decrease of the sum of squares.
     """
-    survey = diagnosis.survey
-    usable = find_usable_picks(diagnosis.taking)
-    usable &= survey.pick_frame == np.bincount(survey.pick_frame[usable]).argmax()
-    picks = np.flatnonzero(usable)
+    survey, picks = diagnosis.survey, find_picks_of_photo(diagnosis)
     shown = np.unique(survey.pick_label[picks])
     ends = np.intersect1d(shown, np.union1d(survey.line_start, survey.line_end))
     if not len(ends) or len(shown) > MAX_LABELS:
         return []
     pairs = [(int(a), int(b)) for a in ends for b in shown if a < b or b not in ends]
-    label = np.tile(survey.pick_label[picks], (len(pairs), 1))
-    for own, (a, b) in zip(label, pairs, strict=True):
-        own[:] = _exchange_labels(own, a, b)
-    cost = _compute_least_costs(survey, picks, label)
-    best = np.argsort(cost, kind="stable")[:MAX_PAIRS]
-    return [(pairs[k], diagnosis.cost - float(cost[k])) for k in best if cost[k] < diagnosis.cost]
+    decrease = compute_decreases(diagnosis, picks, [_exchange(survey, *pair) for pair in pairs])
+    best = np.argsort(-decrease, kind="stable")[:MAX_PAIRS]
+    return [(pairs[k], float(decrease[k])) for k in best if decrease[k] > 0.0]
 
 
-def _compute_least_costs(survey: Survey, picks: Ints, label: Ints) -> Floats:
-    """Compute the least sum of squares (C,) of a photo's lengths, for labels as of each case.
-
-    Parameters
-    ----------
-    survey
-        All observations.
-    picks
-        (n,) picks of the photo.
-    label
-        (C, n) their labels in each case.
-    """
-    cases, frame = len(label), int(survey.pick_frame[picks[0]])
-    copies = replace(
-        survey,
-        frame_id=tuple(str(k) for k in range(cases)),
-        time_s=np.zeros(0),
-        time_sigma_s=np.zeros(0),
-        pick_frame=np.repeat(np.arange(cases), len(picks)),
-        pick_label=label.ravel(),
-        pixel_px=np.tile(survey.pixel_px[picks], (cases, 1)),
-        pick_sigma_px=np.tile(survey.pick_sigma_px[picks], cases),
-        target_pick=np.zeros(0, dtype=np.int64),
-    )
-    least = np.full(cases, np.inf)
-    for k, poses in estimate_length_poses(copies).items():
-        cost, is_found = poses.cost, poses.converged
-        if survey.seeds is not None:
-            seeds = survey.seeds
-            compared = compare_with_seed(
-                seeds.center_world_m[frame],
-                seeds.world_from_camera[frame],
-                seeds.covariance[frame],
-                survey.ground,
-                poses,
-            )
-            cost = cost + compared.squared_distance
-        least[k] = np.min(cost[is_found], initial=np.inf)
-    return least
+def _exchange(survey: Survey, a: int, b: int) -> SurveyCorrection:
+    """Exchange two labels in all photos."""
+    right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
+    right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
+    return SurveyCorrection(label_of_pick=right)
 
 
 def _mark_wrong_lengths(diagnosis: Diagnosis) -> Bools:
