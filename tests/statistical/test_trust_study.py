@@ -323,3 +323,21 @@ def test_labels_swapped_in_one_of_two_photos_may_be_swapped_in_the_other(log: st
     assert set(first["labels"]) == {"P1", "P2"}
     assert all(survey.photo(k) in first["text"] for k in (0, 1))
     assert max(map(abs, zs(row))) < 3.5
+
+
+@pytest.mark.parametrize(
+    ("photos", "log", "seed"), [(1, "gps", 2), (1, None, 24), (1, "gps", 32), (2, None, 6)]
+)
+def test_exchanged_readings_of_few_lengths_are_named_and_spoil_nothing(
+    photos: int, log: str | None, seed: int
+) -> None:
+    rng = np.random.default_rng([31, seed])
+    path = "facing" if photos == 2 else "single"
+    world = World(photos=photos, path=path, log=log, lengths=(5, 5), taped=(6, 6), tilt_deg=(5, 35))
+    survey = draw(world, rng)
+    one, two = sorted(survey.lines, key=lambda line: line.length)[1:4:2]
+    one.length, two.length = two.length, one.length
+    row = judged(survey, {"world": "few", "fault": "lines_exchanged", "seed": seed})
+    assert set(row["reasons"][0]["lengths"]) & {one.name, two.name}
+    assert row["level"] == "amber"
+    assert max(map(abs, zs(row))) < 3.5

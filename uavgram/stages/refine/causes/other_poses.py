@@ -19,12 +19,16 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey, find_usable_picks
 
+MOST_PHOTOS = 2
+"""Number of photos without a log up to which wrong lengths distort the points."""
+
 
 def needs_other_poses(diagnosis: Diagnosis) -> bool:
-    """Return whether the present state is of no use: of a single photo, or without a minimum."""
+    """Return whether the present state is of no use: lengths place it, or it is no minimum."""
     usable = find_usable_picks(diagnosis.taking)
-    is_single = len(np.unique(diagnosis.survey.pick_frame[usable])) == 1
-    return is_single or not diagnosis.adjustment.minimum.converged
+    photos = len(np.unique(diagnosis.survey.pick_frame[usable]))
+    most = 1 if diagnosis.survey.telemetry is not None else MOST_PHOTOS
+    return photos <= most or not diagnosis.adjustment.minimum.converged
 
 
 def find_picks_of_photo(diagnosis: Diagnosis) -> Ints:
