@@ -44,11 +44,15 @@ def test_a_click_beside_a_mark_is_asked_about_and_changes_nothing_by_itself(
         place(page, "first", *planted.marks_px[0])
         before = picks(server)
         page.locator("#label").fill("")
-        for answer in ("Escape", "Enter"):
+        for answer in (["Escape"], ["1"], ["ArrowDown", "Enter"]):
             page.mouse.click(*beside(page, before["first"]))
             expect(question(page)).to_contain_text("first is very near. Which point is this?")
             expect(page.locator(".mark")).to_have_count(1)
-            page.keyboard.press(answer)
+            page.keyboard.press("Enter")  # by itself it answers nothing
+            expect(page.locator("#notice")).to_contain_text("Enter was not used")
+            expect(question(page)).to_be_visible()
+            for key in answer:
+                page.keyboard.press(key)
             expect(question(page)).to_have_count(0)
         expect(page.locator('.mark.selected[data-label="first"]')).to_have_count(1)
         assert picks(server) == before
@@ -108,9 +112,11 @@ def test_a_length_between_two_ends_beside_each_other_takes_the_number_typed_afte
         page.mouse.click(*to_page(page, *planted.marks_px[1]))  # too early, too
         expect(page.locator("#notice")).to_contain_text("This click marked nothing")
         expect(question(page)).to_be_visible()
+        page.keyboard.press("Enter")  # after the number: it answers nothing either
+        expect(question(page)).to_be_visible()
         assert set(picks(server)) == {"P1"}
         expect(page.locator('[data-tool="length"]')).to_be_checked()
-        page.keyboard.press("Enter")
+        question(page).get_by_role("button", name="A new point").click()
         form = page.get_by_role("form", name="New length P1 to P2")
         expect(form.get_by_label("Length")).to_be_focused()
         # The photo was moved meanwhile, another tab looked at: the number goes where it belongs.
@@ -158,6 +164,28 @@ def test_a_line_without_a_reading_is_a_distance_and_a_typed_reading_is_written_w
         eventually(page, lambda: bool(written))
         assert "12.34" in written[0]  # the last reading is in what was written
         assert [one.name for one in server.picking.state.requests] == ["D1"]
+
+
+def test_a_tools_key_ends_a_reading_unless_it_belongs_to_a_number_or_a_unit(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.keyboard.press("l")
+        for at in planted.marks_px[:2]:
+            page.mouse.click(*to_page(page, *at))
+        form = page.get_by_role("form", name="New length P1 to P2")
+        expect(form.get_by_label("Length")).to_be_focused()
+        page.keyboard.type("1717cm")  # C is a tool as well
+        expect(form.get_by_label("Length")).to_have_value("1717cm")
+        page.keyboard.press("d")
+        eventually(page, lambda: len(server.picking.state.lines) == 1)
+        assert server.picking.state.lines[0].length_m == pytest.approx(17.17)
+        expect(page.locator('[data-tool="distance"]')).to_be_checked()
+        for at in planted.marks_px[1:3]:
+            page.mouse.click(*to_page(page, *at))
+        eventually(page, lambda: len(server.picking.state.requests) == 1)
+        assert not open_page.errors
 
 
 @both_windows

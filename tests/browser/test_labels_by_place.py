@@ -140,8 +140,8 @@ def test_a_typed_name_far_from_its_place_is_asked_about_before_anything_is_sent(
         page.locator("#label").fill(label)
         opened.click(*EMPTY)
         expect(opened.question).to_contain_text(f"{label} was expected")
-        first = opened.question.get_by_role("button", name=f"It is {label} all the same")
-        expect(first).to_be_focused()
+        first = opened.question.get_by_role("button").first
+        expect(first).to_contain_text(f"It is {label} all the same")
         expect(page.locator("g.questioned")).to_have_count(1)
         assert opened.state == before
         page.keyboard.press(answer)
@@ -188,8 +188,8 @@ def test_where_nothing_tells_where_the_last_point_is_it_is_not_taken_without_a_q
     show_photo(page, 1)
     opened.click(*EMPTY)
     expect(opened.question).to_contain_text(f"Is this {label} again?")
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    for key in ("ArrowDown", "ArrowDown", "Enter"):
+        page.keyboard.press(key)
     eventually(page, lambda: opened.is_picked(f"P{LABELS + 2}"))
     assert not opened.is_picked(label)
 
@@ -207,7 +207,7 @@ def test_labels_are_merged_swapped_and_split_in_the_panel(opened: Opened) -> Non
     form = page.get_by_role("form", name="Point P23")
     form.get_by_role("combobox").select_option("P24")
     form.get_by_role("button", name="merge").click()
-    page.keyboard.press("Enter")  # the picks of P24 stay
+    page.keyboard.press("1")  # the picks of P24 stay
     expect(page.locator("#notice")).to_contain_text("as two points in S1")
     expect(page.locator("#label")).to_have_value("P23")
     drawn(page)  # the form, anew: what was refused is not shown as if it held

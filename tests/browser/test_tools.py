@@ -198,6 +198,9 @@ def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(
         page.keyboard.type("B")
         page.keyboard.press("Enter")
         question = page.get_by_role("alertdialog", name="There is a point B already")
+        page.keyboard.press("Enter")  # chooses nothing by itself
+        expect(question).to_be_visible()
+        page.keyboard.press("ArrowDown")
         expect(question.get_by_role("button", name="one point: merge them")).to_be_focused()
         page.keyboard.press("Escape")
         expect(question).to_have_count(0)

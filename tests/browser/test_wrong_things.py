@@ -234,3 +234,22 @@ def test_without_the_program_nothing_is_in_order(tmp_path: Path, open_page: Page
     expect(page.locator("body")).to_have_attribute("data-numbers", "lost")
     expect(value).not_to_have_css("color", before)
     expect(value).to_have_css("font-style", "italic")
+
+
+def test_a_photo_that_is_lost_while_the_page_is_open_can_be_left_out_there(
+    tmp_path: Path, open_page: PageOpener
+) -> None:
+    with served(write_site(tmp_path / "site")) as server:
+        page = open_page(server)
+        wait_until_adjusted(page)
+        lost = next(
+            path for path in sorted((tmp_path / "site").rglob("IMG_*")) if path.name != PHOTO
+        )
+        lost.unlink()
+        page.keyboard.press("w")
+        way_out = page.get_by_role("button", name=f"Leave {lost.name} out").first
+        expect(way_out).to_be_visible()
+        expect(page.locator("#notice")).not_to_contain_text("leave_out")
+        way_out.click()
+        eventually(page, lambda: lost.name in server.picking.survey.inputs.project.leave_out)
+        wait_until_adjusted(page)

@@ -138,6 +138,21 @@ def test_measurements_of_nothing_but_labels_never_picked_are_all_null(
     assert said.text.startswith("2 measurements have no value: 'one', 'two' (")
 
 
+def test_a_control_point_never_picked_keeps_the_verdict_from_green(
+    project: Project, runs: Runs
+) -> None:
+    control = (project / "check.csv").read_text(encoding="utf-8")
+    (project / "control.csv").write_text(control.replace("\nC1,", "\nC11,"), encoding="utf-8")
+    project.set(control="control.csv", check=None)
+    result, _ = runs()
+    (text,) = messages(result, "control-unseen")
+    assert "'C11'" in text
+    reason = next(one for one in result.verdict.reasons if one.cause == "control-unseen")
+    assert reason.labels == ("C11",)
+    assert reason.plain == "The control point C11 is not used: it is not picked."
+    assert result.verdict.level == "amber"
+
+
 def test_a_known_thing_with_a_point_never_picked_keeps_the_verdict_from_green(
     project: Project, runs: Runs
 ) -> None:

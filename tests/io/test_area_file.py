@@ -120,6 +120,14 @@ def test_kml_in_utf_16_with_a_mark_is_read(tmp_path: Path, encoding: str) -> Non
     assert read_areas(path).areas[0].name == "yard"
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_a_second_mark_of_the_encoding_does_no_harm(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "area.kml"
+    path.write_bytes(("\ufeff" + KML).encode(encoding))  # which writes one, too
+
+    assert read_areas(path).areas
+
+
 def test_a_long_name_of_an_encoding_is_not_repeated_whole(tmp_path: Path) -> None:
     path = tmp_path / "a.kml"
     path.write_text(KML.replace("UTF-8", "x" * 10_000))

@@ -236,6 +236,18 @@ def test_exchanged_coordinates_are_told_by_the_systems_area_where_no_photo_is_th
         read_gcp_list(path, GcpSigmas(sigma_m=0.05))
 
 
+def test_numbers_behind_a_label_are_told_unless_they_are_sigmas(tmp_path: Path) -> None:
+    path = write(tmp_path, HEAD + "691000 5334000 520 10 20 a.JPG A 1\n")
+    (told,) = read_gcp_list(path).messages
+    assert told.code == "gcp-numbers-unused"
+    assert "'1' behind 'A'" in told.text
+    assert "separate all cells by tabs" in told.text
+    assert read_gcp_list(path, GcpSigmas(in_columns=True)).messages == ()
+    tabbed = write(tmp_path, HEAD + "691000\t5334000\t520\t10\t20\ta.JPG\tA 1\n")
+    picks = read_gcp_list(tabbed)
+    assert (picks.label, picks.messages) == (("A 1",), ())
+
+
 @pytest.mark.parametrize(
     ("names", "surplus"),
     [

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from own_loop import run_alone
 
 from uavgram.picking.document.commands import ProjectAction
 from uavgram.picking.protocol.messages import ServerMessage
@@ -51,4 +52,4 @@ def ask(project: OpenProject, kind: str) -> Json:
     message = parse_message(json.dumps({"seq": 1, "t": kind}), project.picking.photos)
     action = message.body
     assert isinstance(action, ProjectAction)
-    return dict(asyncio.run(project.do(action)))
+    return dict(run_alone(project.do(action)))

@@ -57,6 +57,7 @@ def read_areas(path: Path) -> AreaFile:
         latitude.
     """
     text = _decode_text(path, read_bytes(path, f"name {FORMATS} with a polygon"))
+    text = text.lstrip("\ufeff")  # some programs write the mark twice
     if text.startswith("PK"):
         raise InputError(path, "is zipped, as KMZ files are: save it as KML, or unpack it")
     found = _kml(path, text) if text.lstrip().startswith("<") else _geojson(path, text)
@@ -79,13 +80,13 @@ def _decode_text(path: Path, data: bytes) -> str:
     refuse_utf_16(path, data)
     declared = _DECLARED.match(data.removeprefix(codecs.BOM_UTF8))
     if declared is None:
-        return data.decode("utf-8-sig", errors="replace")
+        return data.decode("utf-8", errors="replace")
     stated = declared[1].decode("ascii", errors="replace")
     shown = stated if len(stated) <= _MAX_SHOWN else f"{stated[:_MAX_SHOWN]}..."
     try:
         name = codecs.lookup(stated).name
         if name == "utf-8" or _BYTE_BY_BYTE.fullmatch(name):
-            return data.decode("utf-8-sig" if name == "utf-8" else name)
+            return data.decode(name)
     except (LookupError, ValueError):
         pass  # an unknown encoding, or bytes that are not in it
     raise InputError(

@@ -40,6 +40,7 @@ from uavgram.io.tables.csv_tables import number_hint, parse_number
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import find_unshowable, find_value_fault
 from uavgram.model.message import Message
+from uavgram.model.naming import join_names
 from uavgram.model.observations import ImportedPicks, KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
@@ -81,6 +82,7 @@ class _Row:
     image: str
     label: str
     rest: tuple[str, ...] = ()
+    loose: tuple[str, ...] = ()  # of these, the ones that only blanks separate from the label
 
 
 def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> ImportedPicks:
@@ -110,6 +112,8 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
         text = f"{path.name}: picks without a label were named by their coordinates, gcp-1 and on"
         messages.append(Message("info", "gcp-without-labels", text))
     _check(path, rows)
+    if sigmas is None or not sigmas.in_columns:
+        messages += _unused_numbers(path, rows)
     known = None
     if sigmas is not None:
         # coordinates of each label from its first row
@@ -144,10 +148,12 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
         if no_height:
             numbers[_Z] = 0.0
         good = [value for value in numbers if value is not None]
+        loose = _loose_words(text, cells)
+        surplus = " ".join(word for word in loose if parse_number(word) is None)
         if len(cells) <= _NUMBERS:
             needed = "needs x, y, z, column, row and the photo's name, separated by blanks, tabs, "
             faults.append((line, f"{needed}commas or semicolons"))
-        elif surplus := _surplus_words(text, cells):
+        elif surplus:
             faults.append(
                 (
                     line,
@@ -167,7 +173,7 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
             label = cells[_NUMBERS + 1] if len(cells) > _NUMBERS + 1 else ""
             place = (x, y, None if no_height else z)
             rest = tuple(cells[_NUMBERS + 2 :])
-            rows.append(_Row(line, place, (u, v), cells[_NUMBERS], label, rest))
+            rows.append(_Row(line, place, (u, v), cells[_NUMBERS], label, rest, tuple(loose)))
     if faults:
         raise InputError.of_all(path, faults)
     return rows
@@ -201,11 +207,21 @@ def _cells(text: str) -> list[str]:
     return [*numbers, image, *first[len(image) :].split(), *map(str.strip, more)]
 
 
-def _surplus_words(text: str, cells: list[str]) -> str:
+def _loose_words(text: str, cells: list[str]) -> list[str]:
     """Find words behind the label that only blanks separate from it, perhaps part of a name."""
-    words = [cell for cell in cells[_NUMBERS + 2 :] if parse_number(cell) is None]
     own_cells = {cell.strip() for cell in text.split("\t")} if "\t" in text else set()
-    return " ".join(word for word in words if word not in own_cells)
+    return [word for word in cells[_NUMBERS + 2 :] if word not in own_cells]
+
+
+def _unused_numbers(path: Path, rows: list[_Row]) -> list[Message]:
+    """Warn of numbers behind labels that may be part of them."""
+    cut = {row.label: " ".join(row.loose) for row in rows if row.loose}
+    shown = join_names(f"{rest!r} behind {label!r}" for label, rest in cut.items())
+    text = (
+        f"{path.name}: numbers behind labels are not used: {shown}. If they belong to the labels, "
+        "separate all cells by tabs; if they are sigmas, import with --sigma-columns."
+    )
+    return [Message("warning", "gcp-numbers-unused", text)] if cut else []
 
 
 def _beside(path: Path, images: set[str]) -> Iterator[Path]:

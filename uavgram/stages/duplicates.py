@@ -336,7 +336,7 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
 def _alike_messages(picks: Picks) -> Iterator[Message]:
     """Report labels that are picked once and look like another: one point may have both."""
     count = Counter(picks.label)
-    looks = {label: _looks(label) for label in sorted(count, key=lambda label: count[label])}
+    looks = {label: list_looks(label) for label in sorted(count, key=lambda label: count[label])}
     groups: dict[str, list[str]] = {}
     for label, own in looks.items():
         for look in own:
@@ -355,7 +355,7 @@ def _alike_messages(picks: Picks) -> Iterator[Message]:
         yield Message("warning", "label-resembles", text, labels=(label, *others))
 
 
-def _looks(label: str) -> list[str]:
+def list_looks(label: str) -> list[str]:
     """List what a label looks like in print: with its leading zeros, and without them."""
     return sorted(
         {

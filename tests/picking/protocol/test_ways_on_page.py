@@ -38,6 +38,17 @@ from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
             "project again.)",
         ),
         (
+            "P2.jpg: no such file, or write `leave_out: [P2.jpg]` into project.yaml to go on "
+            "without it",
+            "P2.jpg: no such file, or leave it out by the button in the list of photos",
+        ),
+        (
+            "If you know the tilt, set `mount.pitch_deg`.",
+            "If you know the tilt, set `mount.pitch_deg`. (mount.pitch_deg: in the set-up of the "
+            "folder; under Camera, 'Change camera, mount, tape or case'.)",
+        ),
+        ("`picks.csv` and `control.csv` hold them.", "`picks.csv` and `control.csv` hold them."),
+        (
             "Run again with --monte-carlo for its exact interval.",
             "Run again with --monte-carlo for its exact interval. (--monte-carlo: in a terminal; "
             "the page has nothing for it.)",
@@ -84,7 +95,8 @@ def literals() -> str:
 
 def test_each_way_is_for_a_message_that_exists() -> None:
     """A message that is worded anew would else keep its option on the page."""
-    # The option of another folder is a variable in its message.
-    text = literals().replace("with X", "with --output")
+    # The option of another folder, and the setting of photos left out, are variables there.
+    text = literals().replace("with X", "with --output").replace("without X", "without it")
+    text = text.replace("write `X` into X", "write `leave_out: [P1.jpg]` into project.yaml")
 
     assert [way.pattern for way, _ in WAYS if not re.search(way, text)] == []

@@ -126,6 +126,10 @@ def test_nothing_is_given_without_the_cookie_and_all_of_it_with_it(
     assert browser.get(path).status_code == 200
 
 
+def test_a_page_at_an_old_address_makes_the_browser_ask_for_no_icon(server: Server) -> None:
+    assert '<link rel="icon" href="data:,">' in ask(server.origin + "/").text
+
+
 def test_every_answer_carries_strict_headers(server: Server, browser: httpx.Client) -> None:
     refused = ask(server.origin + "/")
     for answer in (

@@ -80,7 +80,7 @@ def of(code: str, *labels: str) -> Message:
 
 def test_what_fits_and_is_checked_is_green(clean: Judged) -> None:
     assert clean.verdict() == (Verdict(level="green"), ("ok", "ok"))
-    assert clean.verdict(of("home-missing", "P0"), of("control-unseen")) == clean.verdict()
+    assert clean.verdict(of("home-missing", "P0"), of("check-unseen")) == clean.verdict()
 
 
 def test_what_does_not_fit_is_told_before_what_nothing_checks(clean: Judged) -> None:

@@ -66,3 +66,6 @@ def test_a_label_elsewhere_or_unlike_or_of_a_series_is_none_of_the_others(survey
     assert not told(survey)
     assert not told(add_label(survey, 3, f"{right}0", pick, away_px=60.0))
     assert not told(add_label(survey, 3, "kerb", pick))
+    assert not told(
+        add_label(survey, 3, f"{right[0]}0{right[1:]}", pick)
+    )  # it looks alike: reported

@@ -306,7 +306,11 @@ UNUSED = (
         "control-unseen",
         WARNING,
         finding="A control point is not used, because it has no usable pick.",
-        action="Pick it, or correct its name.",
+        action="Pick it, or correct its name. If no photo shows it, delete its row.",
+        effect=Effect.AMBER,
+        order=Order.EXCLUDED,
+        one="The control point {labels} is not used: it is not picked.",
+        several="The control points {labels} are not used: they are not picked.",
     ),
     Entry(
         "check-unseen",

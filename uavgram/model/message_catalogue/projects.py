@@ -223,6 +223,16 @@ IMPORTS = (
         finding="Picks without a name were named by their coordinates: gcp-1, gcp-2 and so on.",
     ),
     Entry(
+        "gcp-numbers-unused",
+        WARNING,
+        finding="A gcp_list.txt has numbers behind labels, separated by blanks.",
+        consequence="They are not used: `A 1` is the point `A`.",
+        action=(
+            "If they belong to the labels, separate all cells by tabs. If they are sigmas, import "
+            "with `--sigma-columns`."
+        ),
+    ),
+    Entry(
         "gcp-two-heights",
         WARNING,
         finding="A gcp_list.txt has one place at two heights, under two labels or none.",

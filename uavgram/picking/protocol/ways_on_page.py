@@ -34,6 +34,10 @@ WAYS = tuple(
         ),
         (r"(?:run )?`uavgram calibrate[^`]*`", "use 'Calibrate on a folder', under Camera"),
         (r" \(--outliers remove\)", " (move its file away)"),
+        (
+            r"write `leave_out: [^`]*` into \S+ to go on without (it|them)",
+            r"leave \1 out by the button in the list of photos",
+        ),
         (r"--board\b", "the board"),
         (r"Set --fix-aspect, or take", "Take"),
         (r" \(--coefficients auto chooses\)", ""),
@@ -50,13 +54,22 @@ _COMMAND = re.compile(r"`uavgram [^`]+`|(?<![\w-])--[a-z][\w-]+")
 _KEYS = get_type_hints(Project)
 _SECTIONS = [key for key, kind in _KEYS.items() if is_dataclass(kind)]
 _SETTING = re.compile(
-    rf"`(?P<quoted>(?:{'|'.join(_KEYS)})(?:\.\w+)?)(?::[^`]*)?`"
+    rf"`(?P<quoted>(?:{'|'.join(_SECTIONS)})\.\w+|(?:{'|'.join(_KEYS)}))(?::[^`]*)?`"
     rf"|\b(?P<plain>(?:{'|'.join(_SECTIONS)})\.[a-z]\w+|{'|'.join(k for k in _KEYS if '_' in k)})\b"
 )
 _ANY = re.compile(rf"`|--[a-z]|[a-z]_[a-z]|\b(?:{'|'.join(_SECTIONS)})\.[a-z]")
 """A command, an option or a setting, quickly: most sentences name none."""
 
-_IN_SET_UP = {"camera", "log", "mount", "units", "case"}
+_IN_SET_UP = {
+    "camera",
+    "log",
+    "mount",
+    "mount.gimbal",
+    "mount.pitch_deg",
+    "tape.reading_sigma_m",
+    "units",
+    "case",
+}
 """Settings that the set-up of a folder asks for."""
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from anyio import to_thread
 
 from uavgram.errors import UavgramError
+from uavgram.io.photos.catalogue import UnusablePhotosError
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
@@ -155,8 +156,14 @@ class OpenProject:
             self.picking.save()
             if self.picking.fault:
                 return {"t": "exported", "why": self.picking.fault}
-            version = self.picking.version
-            await to_thread.run_sync(self._run)
+            version, damage = self.picking.version, None
+            try:
+                await to_thread.run_sync(self._run)
+            except UnusablePhotosError as why:  # lost or damaged while the page is open
+                damage = why
+        if damage is not None:
+            await self._reload()  # as if it were opened now: the page offers to leave them out
+            raise damage
         await to_thread.run_sync(self.outputs.look)
         self._written_then = self._describe_outputs()
         written: m.Outputs = {**self._written_then, "version": version}

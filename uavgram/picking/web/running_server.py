@@ -261,6 +261,7 @@ def make_refusal(why: str) -> str:
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>uavgram pick</title>'
         '<meta name="color-scheme" content="light dark">'
+        '<link rel="icon" href="data:,">'  # or the browser would ask for one, and be refused again
         f"<h1>This page needs a fresh address</h1><p>{html.escape(why)} Nothing is lost.</p>"
         "<p>Start uavgram once more, the same way as before: by its icon on the desktop, or by "
         "<code>uavgram</code> in a terminal. While the first one runs, that opens the page in a "

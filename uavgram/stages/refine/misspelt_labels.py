@@ -11,12 +11,12 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.errors import replace_lookalikes
 from uavgram.estimation.measuring.predicted_pixels import predict_pixels
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.survey import Survey, SurveyCorrection
+from uavgram.stages.duplicates import list_looks
 from uavgram.stages.remedies import add_remedies
 
 PROBABILITY = 0.001
@@ -91,8 +91,8 @@ def _find_alike(survey: Survey, label: int, of_spelling: dict[str, list[int]]) -
     """Find labels one letter off another; not those that look alike, which are reported before."""
     name = survey.label[label]
     alike = {other for one in _list_spellings(name) for other in of_spelling[one]}
-    looks = replace_lookalikes(name)
-    return sorted(k for k in alike if replace_lookalikes(survey.label[k]) != looks)
+    looks = set(list_looks(name))
+    return sorted(k for k in alike if looks.isdisjoint(list_looks(survey.label[k])))
 
 
 def _are_at_place(survey: Survey, off_px: Floats, covariance: Floats) -> Bools:

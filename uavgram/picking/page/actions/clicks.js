@@ -57,7 +57,7 @@ export class Clicks {
     const { notice, question } = this.tools;
     if (!question.isOpen) return false;
     question.insist();
-    notice.show("This click marked nothing: answer the question first. Enter takes its first answer, Esc none.");
+    notice.show("This click marked nothing: answer the question first, by a click, or by an arrow key and Enter. Esc answers none.");
     return true;
   }
 

@@ -2,6 +2,7 @@
 
 import { as, byId } from "../elements/dom.js";
 import { NUMERAL } from "../elements/numbers.js";
+import { mayBecomeLength } from "../elements/units.js";
 import { toggleStretch } from "../photos/tone.js";
 import { stepTone } from "../photos/tone_control.js";
 import { snap } from "./snap.js";
@@ -110,12 +111,13 @@ function closesHelp({ key }) {
 
 // Returns whether a key belongs to the focused element: a text field, a button, a table.
 /** @param {KeyboardEvent} event */
-function isTyped({ key, target }) {
+function isTyped(event) {
+  const { key, target } = event;
   if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
   if (document.querySelector(key === "Escape" ? "dialog[open], :popover-open" : "dialog[open]")) return true; // Escape closes a popover
   if (key === "F6" || turnsPhotos(key, target)) return false;
   if ((ARROWS[key] || PAGES.includes(key)) && target.closest("#panel, [role=radiogroup], #strip")) return true;
-  const isField = target.matches("input, select, textarea");
+  const isField = takesText(event, target);
   if (isField && key === "Escape") {
     target.blur();
     return false;
@@ -126,6 +128,16 @@ function isTyped({ key, target }) {
 // A field for a number has no pages: these keys turn the photos there, too.
 /** @param {string} key @param {Element} target */
 const turnsPhotos = (key, target) => ["PageUp", "PageDown"].includes(key) && target.matches("form.entry input");
+
+/** @param {KeyboardEvent} event @param {Element} target */
+const takesText = (event, target) => target.matches("input, select, textarea") && !choosesTool(event, target);
+
+// A letter that continues no number ends the reading in a form, and chooses its tool.
+/** @param {KeyboardEvent} event @param {Element} target */
+function choosesTool({ key, ctrlKey, altKey, metaKey }, target) {
+  if (!(target instanceof HTMLInputElement) || !target.matches("form.entry input[inputmode]") || ctrlKey || altKey || metaKey) return false;
+  return /^[a-z]$/i.test(key) && Object.values(TOOLS).some((tool) => tool.key === key.toLowerCase()) && !mayBecomeLength(target.value + key);
+}
 
 // A number typed while a form waits for one belongs to it, regardless of the focus: the key is passed to the field.
 /** @param {Acted} acted @param {KeyboardEvent} event */

@@ -50,7 +50,7 @@ export class Tools {
     this.box = as(HTMLInputElement, byId("label")); // the field with the label for the next click
     this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
     this.names = new LabelsByPlace({ state, link, box: this.box });
-    this.question = new Question((isAnswered) => this.answered(isAnswered), (numeral) => notice.show(`${numeral} was not used: answer the question first, then type the number.`));
+    this.question = new Question((isAnswered) => this.answered(isAnswered), (key) => notice.show(`${key} was not used: answer the question first, by a click, or by an arrow key and Enter.`));
     this.offers = new Offers({ link, notice });
     this.edits = new LabelEdits({ tools: this, question: this.question, notice });
     this.clicks = new Clicks(this);

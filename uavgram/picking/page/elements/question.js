@@ -6,9 +6,11 @@ import { NUMERAL } from "./numbers.js";
 /** @typedef {{ words: string, act: () => void }} Choice */
 
 const CANCEL = "Cancel (Esc)";
+/** @type {Record<string, number | undefined>} */
+const STEPS = { ArrowLeft: -1, ArrowUp: -1, ArrowRight: 1, ArrowDown: 1 };
 
 export class Question {
-  /** @param {(isAnswered: boolean) => void} ended @param {(numeral: string) => void} refused */
+  /** @param {(isAnswered: boolean) => void} ended @param {(key: string) => void} refused */
   constructor(ended, refused) {
     this.ended = ended;
     this.refused = refused;
@@ -21,19 +23,19 @@ export class Question {
     return this.box !== null;
   }
 
-  /** @param {string} words @param {Choice[]} choices Enter chooses the first @param {Element} place its container @param {boolean} counted whether digits answer it */
+  /** @param {string} words @param {Choice[]} choices none is chosen by Enter before a person goes to it @param {Element} place its container @param {boolean} counted whether digits answer it */
   ask(words, choices, place = document.body, counted = true) {
     this.cancel();
     const buttons = choices.map((choice, k) => node("button", {
-      type: "button", onclick: () => this.end(choice.act), ...(counted ? { "aria-keyshortcuts": `${k + 1}`, title: k ? `${k + 1}` : "1, or Enter" } : {}),
+      type: "button", onclick: () => this.end(choice.act), ...(counted ? { "aria-keyshortcuts": `${k + 1}`, title: `${k + 1}` } : {}),
     }, counted ? node("kbd", { "aria-hidden": "true" }, `${k + 1} `) : null, choice.words));
     this.counted = counted;
-    this.box = node("div", { class: "question", role: "alertdialog", "aria-labelledby": "question" },
+    this.box = node("div", { class: "question", role: "alertdialog", tabindex: -1, "aria-labelledby": "question" },
       node("p", { id: "question" }, words),
       node("div", { class: "answers" }, ...buttons, node("button", { type: "button", onclick: () => this.cancel() }, CANCEL)));
     this.box.addEventListener("keydown", (event) => this.within(event));
     place.append(this.box);
-    buttons[0].focus({ preventScroll: true });
+    this.box.focus({ preventScroll: true });
   }
 
   /** @param {(() => void) | null} act */
@@ -52,17 +54,18 @@ export class Question {
   // Shows that the question is open, to somebody who went on without an answer.
   insist() {
     this.box?.animate([{ opacity: 0.3 }, { opacity: 1 }], { duration: 250, iterations: 2 });
-    this.box?.querySelector("button")?.focus({ preventScroll: true });
+    this.box?.focus({ preventScroll: true });
   }
 
-  // Handles a key that answers the question, regardless of the focus.
+  // Handles a key that answers the question, regardless of the focus. Enter, and a number typed too early, do not,
+  // and are not passed on.
   /** @param {KeyboardEvent} event */
   answers({ key, repeat, ctrlKey, altKey, metaKey }) {
     if (!this.box || ctrlKey || altKey || metaKey) return false;
     const buttons = [...this.box.querySelectorAll("button")];
-    const button = key === "Escape" ? buttons.at(-1) : buttons.slice(0, -1)[key === "Enter" ? 0 : this.counted ? Number(key) - 1 : -1];
+    const button = key === "Escape" ? buttons.at(-1) : buttons.slice(0, -1)[this.counted ? Number(key) - 1 : -1];
     if (!repeat) button?.click();
-    const isEarly = !button && NUMERAL.test(key); // a number typed too early is not passed on
+    const isEarly = !button && (key === "Enter" || NUMERAL.test(key));
     if (isEarly) {
       this.insist();
       this.refused(key);
@@ -74,14 +77,22 @@ export class Question {
   /** @param {KeyboardEvent} event */
   within(event) {
     const { key, repeat, target } = event;
-    const step = { ArrowLeft: -1, ArrowUp: -1, ArrowRight: 1, ArrowDown: 1 }[key] ?? 0;
-    const ofButton = key === "Enter" || key === " ";
+    const isMove = this.move(event);
+    const ofButton = target instanceof HTMLButtonElement && (key === "Enter" || key === " ");
+    const isAnswer = !ofButton && this.answers(event);
+    if (isMove || isAnswer || ofButton) event.stopPropagation();
+    if (isMove || isAnswer || (ofButton && repeat)) event.preventDefault();
+  }
+
+  // Moves the focus by an arrow key, at first to the first or last button; returns whether it was one.
+  /** @param {KeyboardEvent} event */
+  move({ key, target }) {
+    const step = STEPS[key] ?? 0;
     const buttons = [...this.box?.querySelectorAll("button") ?? []];
     const at = buttons.findIndex((button) => button === target);
-    if (step) buttons[(at + step + buttons.length) % buttons.length].focus();
-    const isAnswer = !ofButton && this.answers(event);
-    if (step || isAnswer || ofButton) event.stopPropagation();
-    if (step || isAnswer || (ofButton && repeat)) event.preventDefault();
+    const from = at < 0 && step < 0 ? 0 : at;
+    if (step) buttons[(from + step + buttons.length) % buttons.length].focus();
+    return Boolean(step);
   }
 
   // Moves the question beside a place in its container, and keeps it inside.

@@ -61,6 +61,13 @@ const SCALES = { m: 1, cm: 0.01, mm: 0.001, km: 1000, ft: FOOT_M, feet: FOOT_M, 
 const ONE = /^([-+]?)(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*(m|cm|mm|km|ft|feet|foot|'|\u2032|in|inch|inches|"|\u2033|yd)?$/i;
 const INCH_FRACTION = /^([-+]?)(?:(\d+)\s*(?:ft|feet|foot|'|\u2032)\s*-?\s*)?(?:(\d+\.?\d*|\.\d+)(?:[\s-]+(\d+)\/(\d+))?|(\d+)\/(\d+))\s*(?:in|inch|inches|"|\u2033|'')$/i;
 
+// Whether a text may be the beginning of a length: its last letters are those of a unit, or of an exponent.
+/** @param {string} text */
+export function mayBecomeLength(text) {
+  const letters = (/[a-z]*$/i.exec(text)?.[0] ?? "").toLowerCase();
+  return ["e", ...Object.keys(SCALES)].some((unit) => unit.startsWith(letters));
+}
+
 // Returns metres; NaN if the text is not a length.
 /** @param {string} text @param {Sort} [sort] */
 export function parseLength(text, sort = "length") {

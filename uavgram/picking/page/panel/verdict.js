@@ -43,7 +43,7 @@ export function leaveOutButton(project) {
   const { damaged } = store;
   if (!damaged.length) return null;
   const words = `Leave ${damaged.length === 1 ? damaged[0] : `these ${damaged.length} photos`} out`;
-  return node("span", { class: "mends" }, node("button", { name: "leave-out", class: "main", title: "The project names them in leave_out; their picks stay in the table", onclick: () => void project.leaveOut(damaged, false) }, words));
+  return node("span", { class: "mends" }, node("button", { name: "leave-out", class: "main", title: "Their picks stay in the table", onclick: () => void project.leaveOut(damaged, false) }, words));
 }
 
 // Returns whether another remark gives the reason at more length.
