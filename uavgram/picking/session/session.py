@@ -351,12 +351,13 @@ class PickSession:
 
     def _publish_adjustment(self, version: int, found: m.Adjustment) -> None:
         answer = cast("m.Live", {"t": "live", "for": version, **found})
-        if answer["mode"] != "linearised":
+        is_full = answer["mode"] != "linearised"
+        if is_full:
             answer["expected"] = self._predict_places()
             self._last_message = answer
             self._adjusted_version = version
         self._broadcast(answer)
-        if answer["mode"] != "linearised" and self._is_resting:  # a drag has the cores for itself
+        if is_full and self._is_resting:  # a drag has the cores for itself
             self._search.submit(self._search_input())
 
     def _search_input(self) -> SearchInput:
