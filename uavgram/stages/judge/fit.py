@@ -55,6 +55,8 @@ class Fit:
     checks
         Smallest probability of each withheld thing by itself and of all together; 1 without any.
         One that alone does not fit beside others that do is wrong itself, and does not count.
+    is_check_alone
+        Whether all but one of them fit: that one may be wrong itself.
     check_labels
         Labels of the withheld things that are contradicted.
     """
@@ -62,6 +64,7 @@ class Fit:
     core: float = 1.0
     stated: float = 1.0
     checks: float = 1.0
+    is_check_alone: bool = False
     check_labels: frozenset[str] = frozenset()
 
 
@@ -113,6 +116,7 @@ def compute_fit(
     each = sorted(probability for probability, _ in checks)
     if len(each) > MAX_SINGLE_CHECKS and each[0] < MISFIT_PROBABILITY <= each[1]:
         together, each = [], each[1:]
+    is_alone = len(each) > 0 and all(one >= MISFIT_PROBABILITY for one in each[1:])
     contradicted = [
         labels for probability, labels in checks if probability < CONTRADICTION_PROBABILITY
     ]
@@ -126,6 +130,7 @@ def compute_fit(
         core=min(core, stated) if is_gross else core,
         stated=stated,
         checks=min([1.0, *together, *each]),
+        is_check_alone=is_alone,
         check_labels=frozenset(label for labels in contradicted for label in labels),
     )
 

@@ -82,8 +82,10 @@ def determine_verdict(
     because.sort(key=lambda m: _effect(m) is Effect.UNCHECKED)  # misfits first
     reasons = tuple(map(make_reason, because))
     level: VerdictLevel | None = "amber" if reasons or not is_ok else "green"
-    if bent or fit.checks < CONTRADICTION_PROBABILITY:
+    are_checks_off = fit.checks < CONTRADICTION_PROBABILITY
+    if bent or (are_checks_off and not fit.is_check_alone):
         level = "red"
+    if bent or are_checks_off:  # a single check may be wrong itself
         status = tuple("doubtful" if one == "ok" else one for one in status)
     if not status:
         level = None

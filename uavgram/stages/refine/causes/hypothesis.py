@@ -148,7 +148,8 @@ class Hypothesis:
         Least share of its directions that has to show in the residuals (see `explained`).
     settled
         Function that returns its unknowns (q,) and their covariance (q, q) in the adjustment of the
-        freed survey, for `message`; None: those of the linear test are reported.
+        freed survey, for `message`; it returns None where they are impossible. None: those of the
+        linear test are reported.
     price
         Logarithm of the number of possible hypotheses of its kind, and of the prior range of its
         unknowns over their posterior range (see `GROSS_ERROR_LOG_ODDS`).
@@ -171,7 +172,7 @@ class Hypothesis:
     moved: tuple[ObservationChange, ...] = ()
     amount: float | None = None
     checked: float = MIN_RESIDUAL_SHARE
-    settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None
+    settled: Callable[[Adjustment], tuple[Floats, Floats] | None] | None = None
     price: float = 0.0
     promise: float = 0.0
     settles: frozenset[str] = frozenset()

@@ -174,6 +174,9 @@ ZOOM_SIGMA, CENTRE_SIGMA, LENS_SIGMA = 0.4, 0.1, 0.2
 """Prior sigmas of a useless camera file: of the factor of both focal lengths, of the principal
 point as a share of the photo's width, and of the first two coefficients of the distortion."""
 
+LARGEST_ZOOM = 4.0
+"""Largest ratio of the focal lengths of two cameras of drones, or of two zooms of one."""
+
 LARGEST_COPY = 0.8
 """Largest size of a copy of a photo, as a share of the photo's; no pick of it lies beyond."""
 
@@ -242,12 +245,17 @@ def calibration_derivative(adjustment: Adjustment, unknowns: Floats) -> Observat
     return ObservationChange("calibration", np.arange(len(along)), -along[:, None])
 
 
-def _find_deviation(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats, Floats]:
-    """Compute a camera's deviation from its file in units of unknowns (P, q), and covariance."""
+def _find_deviation(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats, Floats] | None:
+    """Compute a camera's deviation from its file in units of unknowns (P, q), and covariance.
+
+    None for a focal length that no other camera or zoom has.
+    """
     problem, layout = adjustment.problem, adjustment.problem.layout
     to_unknowns = np.linalg.pinv(unknowns) @ problem.intrinsic_basis
     covariance = adjustment.shared_covariance(layout.first_intrinsic, layout.intrinsics)
     value = to_unknowns @ adjustment.state.intrinsic
+    if not 1.0 / LARGEST_ZOOM < 1.0 + ZOOM_SIGMA * value[0] < LARGEST_ZOOM:
+        return None
     return value, to_unknowns @ covariance @ to_unknowns.T
 
 

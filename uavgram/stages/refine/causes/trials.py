@@ -176,7 +176,10 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         gain = min(gain, judged.gain + 2.0 * GROSS_ERROR_LOG_ODDS * diagnosis.left_out)
         squares = gain - regained
     if hypothesis.settled is not None:
-        value, covariance = hypothesis.settled(refined.adjustment)
+        settled = hypothesis.settled(refined.adjustment)
+        if settled is None:
+            return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
+        value, covariance = settled
         found = HypothesisTest(gain, len(value), value, covariance)
     of_log = _noise_of_log(refined.adjustment, hypothesis)
     one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, noise, of_log, squares, regained)
