@@ -77,12 +77,18 @@ def test_one_photo_clicked_twice_does_not_check_how_the_camera_hung(
     assert "the camera's direction" in result.verdict.reasons[0].plain
 
 
-def test_with_its_direction_stated_it_is_right_and_checked(street: Path, tmp_path: Path) -> None:
+def test_with_its_direction_stated_it_is_right_and_the_log_alone_is_unchecked(
+    street: Path, tmp_path: Path
+) -> None:
+    """Without a length, nothing shows a gross error of the log's height."""
     stated = "mount: {gimbal: none, pitch_deg: -45.0}\n"
     result = result_of(street, tmp_path, mount=stated)
+    first = result.verdict.reasons[0]
 
     assert abs(result.measurements.value[0] - TRUE_M) < 3.0 * result.measurements.sigma[0]
-    assert result.measurements.status == ("ok",)
+    assert result.measurements.status == ("not-checked",)
+    assert "the log's pose of 'IMG_0030.jpg' (up)" in first.text
+    assert "the camera's direction" not in first.text
 
 
 def test_a_right_tape_is_not_blamed_alone(street: Path, tmp_path: Path) -> None:

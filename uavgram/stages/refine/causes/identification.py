@@ -438,8 +438,10 @@ def _does_as_well(one: JudgedHypothesis, best: JudgedHypothesis) -> bool:
         moved.kind for moved in best.hypothesis.moved
     }
     freed = one.hypothesis.freed is not None and best.hypothesis.freed is not None
-    is_of_all = best.hypothesis.is_of_all and not one.hypothesis.is_of_all
-    if one.after is None or best.after is None or is_of_all or (same and freed):
+    has_less_freedom = best.hypothesis.is_of_all and (
+        one.hypothesis.freed is not None or not one.hypothesis.is_of_all
+    )
+    if one.after is None or best.after is None or has_less_freedom or (same and freed):
         return one.odds > best.odds - SURE_LOG_ODDS
     return one.after.cost < best.after.cost + 2.0 * SURE_LOG_ODDS
 

@@ -25,6 +25,7 @@ from uavgram.stages.refine.causes.other_poses import (
     needs_other_poses,
 )
 from uavgram.stages.refine.causes.suspect_lengths import (
+    LOG_ERROR_RANGE,
     MAX_SLIP_SIGMAS,
     MessageWords,
     SuspectLengths,
@@ -171,9 +172,20 @@ def _propose_exchanged_by_other_poses(diagnosis: Diagnosis) -> Iterator[Hypothes
                 mend=every[k],
                 is_of_all=True,
                 promise=float(decrease[k]),
-                price=float(np.log(len(pairs))),
+                price=_price_exchange(survey, pairs[k]) + float(np.log(len(pairs))),
                 settles=frozenset(survey.line_name[i] for i in pairs[k] if survey.line_name),
             )
+
+
+def _price_exchange(survey: Survey, pair: tuple[int, int]) -> float:
+    """Compute the price of two errors of the size of an exchange (see `SuspectLengths.price`).
+
+    The larger they are, the less probable are errors of unknown reason at just these values.
+    """
+    i, j = pair
+    size = abs(survey.length_m[i] - survey.length_m[j]) / survey.length_sigma_m[list(pair)]
+    aimless = np.log(np.maximum(2.0 * LOG_ERROR_RANGE * size / np.sqrt(2.0 * np.pi), 1.0))
+    return float(np.sum(np.maximum(GROSS_ERROR_LOG_ODDS - aimless, 0.0)))
 
 
 def _exchanged_pair_message(

@@ -169,7 +169,9 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     # Noise of the survey before and after: what the mistake adds to either is not noise.
     noise = min(_noise_of_core(diagnosis.adjustment), _noise_of_core(refined.adjustment))
     squares = diagnosis.adjustment.minimum.cost - refined.adjustment.minimum.cost
-    gain, found = diagnosis.cost - after.cost, judged.found
+    # The price of the hypothesis contains that of the lengths that it leaves out.
+    paid = 2.0 * GROSS_ERROR_LOG_ODDS * len(mend.without_lines)
+    gain, found = diagnosis.cost - after.cost + paid, judged.found
     regained = gain - squares
     if found is not None and hypothesis.freed is not None:
         # Bound the gain, as `freed` may remove more prior knowledge than that of the unknowns.
