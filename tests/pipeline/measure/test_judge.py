@@ -45,14 +45,15 @@ def test_a_clean_survey_with_every_point_in_several_photos_is_green(
     assert load_results(tmp_path / "results.json").verdict == result.verdict
 
 
-def test_a_withheld_length_twenty_sigmas_off_is_red_and_no_row_is_in_order(small: Inputs) -> None:
+def test_a_withheld_length_twenty_sigmas_off_is_amber_and_no_row_is_in_order(small: Inputs) -> None:
+    """It may be wrong itself, or the result."""
     lines = small.lines
     first = np.arange(len(lines.name)) == 0
     length = lines.length_m + 20.0 * np.hypot(lines.sigma_m, 0.01) * first
     withheld = replace(small, lines=replace(lines, adjust=~first, length_m=length))
     result = result_of(withheld)
 
-    assert result.verdict.level == "red"
+    assert result.verdict.level == "amber"
     assert result.verdict.reasons[0].lengths == (lines.name[0],)
     ends = {lines.start[0], lines.end[0]}
     for points, status in zip(result.measurements.points, result.measurements.status, strict=True):

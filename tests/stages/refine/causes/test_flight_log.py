@@ -249,7 +249,9 @@ def test_the_linear_test_finds_what_an_adjustment_without_the_prior_finds() -> N
         assert one.freed is not None
         assert one.settled is not None
         found = compare_hypotheses(stands.adjustment, [one.moved])[0]
-        value, covariance = one.settled(diagnosis(one.freed(stands.survey)).adjustment)
+        settled = one.settled(diagnosis(one.freed(stands.survey)).adjustment)
+        assert settled is not None
+        value, covariance = settled
         sigma = np.sqrt(covariance.diagonal() + of_mean**2)
         assert np.sqrt(found.covariance.diagonal()) == pytest.approx(sigma, rel=0.05)
         assert (np.abs(found.value - value) < 0.15 * sigma + 0.02 * np.abs(value)).all()
