@@ -102,6 +102,7 @@ def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> B
 
     Beside the corner of a dark thing in its own shadow, larger windows match by the edge of that
     shadow on the ground. So structure at the click, beyond noise, must be recognised by itself.
+    Without any, no corner was clicked.
 
     Parameters
     ----------
