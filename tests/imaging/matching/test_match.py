@@ -348,6 +348,29 @@ def test_ground_is_not_found_for_a_click_beside_a_corner_that_looks_like_it() ->
     assert np.mean(fixed) < 0.3
 
 
+@pytest.mark.parametrize(("thing", "least", "most"), [(True, 0.0, 0.6), (False, 0.9, 1.0)])
+def test_weak_ground_at_a_click_is_not_recognised_where_a_thing_as_dark_hides_part_of_it(
+    *, thing: bool, least: float, most: float
+) -> None:
+    """Ground in a thing's shadow, whose edge matches at once and hides what differs."""
+    rng, middle, fixed = np.random.default_rng(7), SIDE // 2, []
+    for _ in range(60):
+        ground = 35.0 + cv2.GaussianBlur(rng.normal(0.0, 26.0, (SIDE, SIDE)), (0, 0), 1.5)
+        ground[: middle - 4] += 60.0
+        seen = ground.copy()
+        if thing:
+            seen[middle:, : middle + 1] = 33.0
+        near, far = (
+            (cv2.GaussianBlur(one, (0, 0), 0.8) + rng.normal(0.0, 1.0, one.shape)).astype(
+                np.float32
+            )[None]
+            for one in (seen, ground)
+        )
+        there = fit_patches(near, far, np.zeros((1, 2)), np.eye(2)[None], HALF, 12)
+        fixed.append(find_unoccluded(near, far, there, ALONG)[0])
+    assert least <= np.mean(fixed) <= most
+
+
 OCCLUDED_SHAPE = (120, 140)
 AT = np.array([66.0, 58.0])
 TURN = np.array([[0.96, -0.28], [0.28, 0.96]])

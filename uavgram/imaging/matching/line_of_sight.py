@@ -254,6 +254,9 @@ WINDOW_SHIFT = 4
 MIN_CORRELATION = 0.8
 """Correlation from which a window shows the same in a photo."""
 
+SHARED_CORRELATION = 0.7
+"""Correlation about the pick, in most photos, from which half of the variance is of one thing."""
+
 MAX_NEXT_BEST_SHARE = 0.95
 """Largest strength of a corner at another place, relative to the best."""
 
@@ -288,6 +291,7 @@ FITTED_SIGMA_PX = 0.5
 
 _REACH = HALF_WINDOW + WINDOW_SHIFT
 _WINDOWS = make_shifted_windows(WINDOW_SHIFT)
+_CENTRE = len(_WINDOWS.middle) // 2  # the window about the pick itself
 
 
 class LineMatches(NamedTuple):
@@ -362,7 +366,11 @@ def match_along_line(
     passed = (
         compute_upper_tail(float(np.sum(moved**2)) / POSE_SIGMA_PX**2, moved.size) < SIGNIFICANCE
     )
-    if np.count_nonzero(some) < MIN_PHOTOS or passed:
+    shown = [
+        _likeness_at_click(own[0], targets[i], pixel[i], line.affine[place, i])
+        for i in np.flatnonzero(some).tolist()
+    ]
+    if len(shown) < MIN_PHOTOS or passed or np.median(shown) < SHARED_CORRELATION:
         refused[some] = RefusalReason.UNSTABLE
         pixel[some], covariance[some] = np.nan, np.nan
     return LineMatches(refused, pixel, covariance, score)
@@ -406,6 +414,12 @@ def _likeness(own: Grey, targets: Sequence[Image], line: SightLine) -> Floats:
         alike, variance = _WINDOWS.likeness(own, there)
         like[rows, i] = np.where(variance > MIN_TEXTURE_SIGMA**2, alike, -1.0)
     return like
+
+
+def _likeness_at_click(own: Grey, target: Image, pixel: Floats, affine: Floats) -> float:
+    """Correlate the window centred on the click with a pixel's in a photo; -1 if not shown."""
+    _, there = sample_windows(target, pixel[None], affine[None], _REACH)
+    return float(_WINDOWS.likeness(own, there)[0][:, _CENTRE].max(initial=-1.0))
 
 
 def choose_line_place(strength: Floats, line: SightLine) -> tuple[int, RefusalReason]:

@@ -89,11 +89,20 @@ def make_shifted_windows(aside: int) -> ShiftedWindows:
 _SHIFT = 3  # steps: the edges at the point are in every window
 _SHIFTED = make_shifted_windows(_SHIFT)
 _OTHER_STEPS: Floats = np.array([0.0, -4.0, -3.0, 3.0, 4.0])  # steps along the line of sight
+_CLICK_STEPS = 1.5  # sigma of the Gaussian window that holds only what was clicked
+_CLICK: Floats = np.exp(-0.5 * (_SHIFTED.grid**2).sum(axis=1) / _CLICK_STEPS**2)
+_CLICK = np.asarray(_CLICK / _CLICK.sum())
+_RECOGNISED = 0.85  # correlation in it from which it shows the same; rendered streets
+_STRUCTURE = 3.0  # variance in it, relative to one photo's noise, from which it shows something
 _LEAST_NOISE = 0.25  # least variance of the difference of two windows [grey values squared]
 
 
 def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> Bools:
     """Mark the points (m,) whose surroundings all match at one place along the line of sight.
+
+    Beside the corner of a dark thing in its own shadow, larger windows match by the edge of that
+    shadow on the ground. So structure at the click, beyond noise, must be recognised by itself.
+    Without any, no corner was clicked.
 
     Parameters
     ----------
@@ -111,8 +120,11 @@ def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> B
         aside = _OTHER_STEPS[:, None, None] * along[i] / np.hypot(*along[i])
         u, v = np.moveaxis(start + aside, -1, 0)
         seen = sample_grey(far[i], u, v)
-        like, variance = _SHIFTED.likeness(near[i, edge:-edge, edge:-edge].ravel(), seen)
+        own = near[i, edge:-edge, edge:-edge].ravel()
+        like, variance = _SHIFTED.likeness(own, seen)
         unlike = variance * (1.0 - like)
+        clicked = ShiftedWindows(_SHIFTED.grid, np.zeros((1, 2)), _CLICK[None])
+        same, structure = clicked.likeness(own, seen[0])
         here, *others = unlike[:, variance > MIN_TEXTURE_SIGMA**2]
         other = np.maximum(np.min(others, axis=0), _LEAST_NOISE)
         noise = np.clip(np.median(unlike[0]), _LEAST_NOISE, other)  # of both photos
@@ -120,7 +132,8 @@ def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> B
         # and of known variance; up to `even`, noise is the likelier.
         ratio = other / noise
         even = other * np.log(ratio) / np.maximum(ratio - 1.0, 1e-9)
-        fixed[i] = (here <= even).all()
+        is_even = structure[0] < _STRUCTURE * np.median(unlike[0])
+        fixed[i] = (here <= even).all() and (is_even or same[0] > _RECOGNISED)
     return fixed
 
 
