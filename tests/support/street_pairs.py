@@ -163,6 +163,7 @@ class StreetTruth:
             covariance_px2=covariance,
             affine=affine,
             rise=by[:, :, 0] / GROUND_SIGMA_M,
+            is_confirmed=np.zeros(len(place), dtype=np.bool_),
         )
 
     def _poses(self, frame: str, row: Floats, off: Floats) -> tuple[Floats, Floats]:

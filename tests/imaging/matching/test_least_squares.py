@@ -106,6 +106,7 @@ def test_sigmas_hold_in_compressed_photos_of_much_and_of_little_contrast(contras
         covariance_px2=np.tile(4.0 * np.eye(2), (12, 1, 1)),
         affine=np.tile(turn, (12, 1, 1)),
         rise=np.zeros((12, 2)),
+        is_confirmed=np.zeros(12, dtype=np.bool_),
     )
     squared = []
     for seed in range(12):

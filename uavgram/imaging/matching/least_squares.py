@@ -296,6 +296,8 @@ class SoughtPoints(FrozenArrays):
         (n, 2, 2) d target pixel / d source pixel, through poses and ground.
     rise
         (n, 2) d target pixel / d height [px/m] of the point; 0 where its height is known.
+    is_confirmed
+        (n,) whether the point was clicked in another photo, too.
     """
 
     source_px: Annotated[Floats, "n", 2]
@@ -303,6 +305,7 @@ class SoughtPoints(FrozenArrays):
     covariance_px2: Annotated[Floats, "n", 2, 2]
     affine: Annotated[Floats, "n", 2, 2]
     rise: Annotated[Floats, "n", 2]
+    is_confirmed: Annotated[Bools, "n"]
 
     def __len__(self) -> int:
         return len(self.source_px)

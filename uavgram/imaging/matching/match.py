@@ -97,12 +97,14 @@ _STRUCTURE = 3.0  # variance in it, relative to one photo's noise, from which it
 _LEAST_NOISE = 0.25  # least variance of the difference of two windows [grey values squared]
 
 
-def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> Bools:
+def find_unoccluded(
+    near: Grey, far: Grey, there: PatchFits, along: Floats, is_confirmed: Bools
+) -> Bools:
     """Mark the points (m,) whose surroundings all match at one place along the line of sight.
 
     Beside the corner of a dark thing in its own shadow, larger windows match by the edge of that
     shadow on the ground. So structure at the click, beyond noise, must be recognised by itself.
-    Without any, no corner was clicked.
+    Without any, no corner was clicked. A click in another photo shows the height as well.
 
     Parameters
     ----------
@@ -112,6 +114,8 @@ def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> B
         Match of the first in the second.
     along
         (m, 2) direction of the line of sight there; 0 where the place along it is known.
+    is_confirmed
+        (m,) whether the point was clicked in another photo, too.
     """
     edge = near.shape[1] // 2 - HALF_WINDOW - _SHIFT
     fixed = np.ones(len(near), np.bool_)
@@ -133,7 +137,8 @@ def find_unoccluded(near: Grey, far: Grey, there: PatchFits, along: Floats) -> B
         ratio = other / noise
         even = other * np.log(ratio) / np.maximum(ratio - 1.0, 1e-9)
         is_even = structure[0] < _STRUCTURE * np.median(unlike[0])
-        fixed[i] = (here <= even).all() and (is_even or same[0] > _RECOGNISED)
+        is_shown = is_confirmed[i] or is_even or same[0] > _RECOGNISED
+        fixed[i] = (here <= even).all() and is_shown
     return fixed
 
 
@@ -442,7 +447,9 @@ class _Search:
             self._refused[index, None] == RefusalReason.NONE, self._sought.rise[index], 0.0
         )
         along = np.linalg.solve(into, rise[..., None])[..., 0].astype(np.float64)
-        self._refuse(index, ~find_unoccluded(near, far, there, along), RefusalReason.OFF_GROUND)
+        is_confirmed = self._sought.is_confirmed[index]
+        is_free = find_unoccluded(near, far, there, along, is_confirmed)
+        self._refuse(index, ~is_free, RefusalReason.OFF_GROUND)
         left, spread = (
             self._refused[index] == RefusalReason.NONE,
             np.full((len(index), 2, 2), np.nan),

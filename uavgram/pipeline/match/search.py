@@ -18,7 +18,8 @@ from uavgram.estimation.measuring.predicted_pixels import (
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.least_squares import SoughtPoints
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Ints
+from uavgram.model.observations import Picks
 from uavgram.pipeline.match.adjustment import BaseAdjustment, find_blank_labels
 from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
 from uavgram.pipeline.match.patch_search import (
@@ -274,18 +275,23 @@ def _flight(base: BaseAdjustment) -> FlightOfPhotos | None:
     return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
-def make_search_places(places: TransferredPixels, rows: Ints, source_px: Floats) -> SoughtPoints:
+def make_search_places(
+    places: TransferredPixels, rows: Ints, picks: Picks, pick: Ints
+) -> SoughtPoints:
     """Convert predicted places to the input of the matching.
 
     Parameters
     ----------
     places, rows
         Predicted places, and numbers (m,) of those to search for.
-    source_px
-        (m, 2) pixels of the picks.
+    picks, pick
+        All picks, and (m,) rows of those whose points are searched for.
     """
+    by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
+    photos = Counter(label for _, label in {(picks.image[i], picks.label[i]) for i in by_hand})
     return SoughtPoints(
-        source_px=source_px,
+        is_confirmed=np.array([photos[picks.label[i]] > 1 for i in pick], dtype=np.bool_),
+        source_px=picks.pixel_px[pick],
         target_px=places.pixel_px[rows],
         covariance_px2=places.covariance_px2[rows] + MIN_PX**2 * np.eye(2),
         affine=places.affine[rows],
@@ -313,7 +319,7 @@ def _search(
     """
     places, pick = candidates.places, candidates.pick[rows]
     project = base.inputs.picks
-    sought = make_search_places(places, rows, project.pixel_px[pick])
+    sought = make_search_places(places, rows, project, pick)
     pairs = [candidates.pair[row] for row in rows]
     work = group_by_photos([project.image[i] for i in pick], [image for image, _ in pairs], sought)
     found = search_places(photos, work, len(rows), progress)

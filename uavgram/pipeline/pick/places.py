@@ -250,7 +250,7 @@ class PredictedPlaces:
 
     def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
         """Convert places to the input of the matching."""
-        return make_search_places(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
+        return make_search_places(self.predicted, self.row[rows], picks, self.pick[rows])
 
 
 @dataclass(frozen=True, eq=False)
