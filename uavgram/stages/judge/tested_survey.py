@@ -33,8 +33,8 @@ from uavgram.stages.judge.checks import Withheld
 MIN_MOUNT_REDUNDANCY = 0.5
 """Redundancy of the camera's assumed direction above which the photos determine it."""
 
-STATED = (*READINGS, "heights", "telemetry")
-"""Kinds of observations of which a single one may be wrong by any amount."""
+POSSIBLY_GROSS = (*READINGS, "heights", "telemetry")
+"""Kinds of observations that may have gross errors: readings, stated heights, poses of the log."""
 
 CERTAIN_COFACTOR = 1e12
 """Cofactor of a reading without the possibility of a gross error."""
@@ -192,12 +192,12 @@ def run_tests(
 def _compute_cofactors(
     adjustment: Adjustment, groups: dict[str, TestedGroup], withheld: Withheld | None, limit: float
 ) -> dict[str, Floats]:
-    """Compute cofactor matrices (n, a, a) of stated observations: the visible share of errors.
+    """Compute cofactor matrices (n, a, a) of observations: the visible share of gross errors.
 
     With withheld values they are those that readings would have if these took part. An assumed
     direction of the camera may be as wrong as a reading.
     """
-    kinds = (*STATED, *(("boresight",) if _is_mount_assumed(adjustment) else ()))
+    kinds = (*POSSIBLY_GROSS, *(("boresight",) if _is_mount_assumed(adjustment) else ()))
     blocks = {kind: groups[kind].block for kind in kinds if kind in groups}
     shown = {
         kind: compute_cofactors(block, adjustment.covariance) for kind, block in blocks.items()

@@ -372,8 +372,10 @@ def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object
 def list_options(result: Result) -> Table:
     """Return names and texts of the options that have a value, two beside each other."""
     every = result.provenance.options
-    told = [(key, option_text(value)) for key, value in every if value is not None and value != ""]
-    halves = zip_longest(told[::2], told[1::2], fillvalue=("", ""))
+    stated = [
+        (key, option_text(value)) for key, value in every if value is not None and value != ""
+    ]
+    halves = zip_longest(stated[::2], stated[1::2], fillvalue=("", ""))
     return make_table(" |  |  | ", ((*one, *other) for one, other in halves))
 
 

@@ -67,26 +67,28 @@ def accuracy_words(result: Result) -> str:
     """State both accuracies: ``Distances between neighbouring points are known to about 1 cm``."""
     points, units = result.points, units_of(result)
     near = points.neighbour_sigma_m
-    told = []
+    sentences = []
     if np.isfinite(near).any():
         one = format_sigma(float(np.nanmedian(near)), "m", units)
-        told.append(f"Distances between neighbouring points are known to about ± {one}.")
+        sentences.append(f"Distances between neighbouring points are known to about ± {one}.")
     if not points.label:
         return ""
     if result.world.gauge == "plane":
-        told.append("This survey has no tie to the earth: north is arbitrary, lengths are valid.")
+        sentences.append(
+            "This survey has no tie to the earth: north is arbitrary, lengths are valid."
+        )
     else:
         sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
         place = format_sigma(float(np.median(sigma)), "m", units)
         where = "on the earth"
         if result.world.origin is None:
             where = "relative to the control points and lines, which define east and north,"
-        told.append(
+        sentences.append(
             f"The position of the survey as a whole {where} is known to about ± {place} (east, "
             "north): an error in it shifts everything together, and changes no length, area or "
             "angle."
         )
-    return " ".join(told)
+    return " ".join(sentences)
 
 
 Fact = tuple[str, str]
@@ -150,12 +152,12 @@ def _least_known_point(result: Result) -> Fact:
     if np.isfinite(points.neighbour_sigma_m).any():
         row = int(np.nanargmax(points.neighbour_sigma_m))
         sigma, around = float(points.neighbour_sigma_m[row]), points.neighbours[row]
-        told = f"{points.label[row]}: ± {size_text(sigma, units)} ({', '.join(around)})"
-        return "point least known against its neighbours", told
+        fact = f"{points.label[row]}: ± {size_text(sigma, units)} ({', '.join(around)})"
+        return "point least known against its neighbours", fact
     widest = largest_ellipse(result)  # a single point has no neighbours
     axes = "" if widest is None else axes_text(points.relative.ellipse_95_m[widest], units)
-    told = f"{points.label[widest]}: {axes}" if widest is not None else ""
-    return "largest 95 % ellipse within the survey (half axes)", told
+    fact = f"{points.label[widest]}: {axes}" if widest is not None else ""
+    return "largest 95 % ellipse within the survey (half axes)", fact
 
 
 SOURCE_WORDS: dict[Source, str] = {"hand": "by hand", "match": "matched", "target": "target"}

@@ -25,18 +25,18 @@ from uavgram.stages.refine.causes.other_poses import (
     needs_other_poses,
 )
 from uavgram.stages.refine.causes.suspect_lengths import (
-    LOG_ERROR_RANGE,
     MAX_SLIP_SIGMAS,
     MessageWords,
     SuspectLengths,
     find_suspect_lengths,
+    rate_aimless,
 )
 
 MAX_WRONG_LENGTHS = 4
 """Largest number of single wrong lengths that are proposed."""
 
 MAX_EXCHANGED = 12
-"""Largest number of lengths of a photo of which all pairs are exchanged."""
+"""Largest number of lengths of which the readings of all pairs are exchanged on trial."""
 
 MIN_LENGTHS_FOR_ALL = 3
 """Number of lengths above which a mistake in every one of them is reported for all together."""
@@ -147,7 +147,11 @@ def _propose_digits(found: SuspectLengths) -> Iterator[Hypothesis]:
 def _propose_exchanged(found: SuspectLengths) -> Iterator[Hypothesis]:
     others = max(1, len(found.diagnosis.survey.line_start) - 1)
     for i, j in combinations(range(len(found.line)), 2):
-        tell = partial(_exchanged_message, found, (i, j))
+        detail = (
+            f"The first {found.describe_difference(i)}; the second {found.describe_difference(j)}."
+        )
+        lines = int(found.line[i]), int(found.line[j])
+        tell = partial(_exchanged_message, found.diagnosis.survey, lines, detail)
         yield from _propose_slip(found, (i, j), found.reading_m[[j, i]], others, tell)
 
 
@@ -166,9 +170,14 @@ def _propose_exchanged_by_other_poses(diagnosis: Diagnosis) -> Iterator[Hypothes
     ]
     decrease = compute_decreases(diagnosis, find_picks_of_photo(diagnosis), every)
     for k in np.argsort(-decrease, kind="stable")[:MAX_WRONG_LENGTHS].tolist():
+        one, other = (f"{survey.length_m[i]:.10g} m" for i in pairs[k])
+        detail = (
+            f"The first is written as {one}, the second as {other}; the other way round, they fit "
+            "with all others."
+        )
         if decrease[k] > 0.0:
             yield Hypothesis(
-                message=partial(_exchanged_pair_message, survey, pairs[k]),
+                message=partial(_exchanged_message, survey, pairs[k], detail),
                 mend=every[k],
                 is_of_all=True,
                 promise=float(decrease[k]),
@@ -178,38 +187,10 @@ def _propose_exchanged_by_other_poses(diagnosis: Diagnosis) -> Iterator[Hypothes
 
 
 def _price_exchange(survey: Survey, pair: tuple[int, int]) -> float:
-    """Compute the price of two errors of the size of an exchange (see `SuspectLengths.price`).
-
-    The larger they are, the less probable are errors of unknown reason at just these values.
-    """
+    """Compute the price of two errors of the size of an exchange (see `SuspectLengths.price`)."""
     i, j = pair
     size = abs(survey.length_m[i] - survey.length_m[j]) / survey.length_sigma_m[list(pair)]
-    aimless = np.log(np.maximum(2.0 * LOG_ERROR_RANGE * size / np.sqrt(2.0 * np.pi), 1.0))
-    return float(np.sum(np.maximum(GROSS_ERROR_LOG_ODDS - aimless, 0.0)))
-
-
-def _exchanged_pair_message(
-    survey: Survey, pair: tuple[int, int], _: HypothesisTest | None
-) -> Message:
-    """Report two lengths whose readings, exchanged, fit with all others."""
-    ends = [(survey.label[survey.line_start[k]], survey.label[survey.line_end[k]]) for k in pair]
-    names = [survey.line_name[k] if survey.line_name else "" for k in pair]
-    first, second = (describe_ends(name, *two) for name, two in zip(names, ends, strict=True))
-    one, other = (f"{survey.length_m[k]:.10g} m" for k in pair)
-    return Message(
-        "warning",
-        "lines-exchanged",
-        f"The readings of the lengths {first} and {second} seem to be exchanged: look at the "
-        f"notes, and swap them. The first is written as {one}, the second as {other}; the other "
-        "way round, they fit with all others.",
-        lengths=tuple(filter(None, names)),
-        labels=tuple(dict.fromkeys(label for two in ends for label in two)),
-        several=MessagePlural(
-            "{count} pairs of lengths seem to have each other's readings",
-            f"{first} and {second}",
-            ending="Swap them.",
-        ),
-    )
+    return float(np.sum(np.maximum(GROSS_ERROR_LOG_ODDS - rate_aimless(size), 0.0)))
 
 
 def _propose_slip(
@@ -334,15 +315,30 @@ def _digit_message(found: SuspectLengths, k: int, slip: Slip, _: HypothesisTest 
 
 
 def _exchanged_message(
-    found: SuspectLengths, rows: tuple[int, int], _: HypothesisTest | None
+    survey: Survey, pair: tuple[int, int], detail: str, _: HypothesisTest | None
 ) -> Message:
-    """Report two lengths with exchanged readings."""
-    first, second = (found.describe_length(k) for k in rows)
-    text = (
+    """Report two lengths with exchanged readings.
+
+    Parameters
+    ----------
+    survey, pair
+        The survey, and two of its lengths.
+    detail
+        Sentence on how well they fit.
+    """
+    ends = [(survey.label[survey.line_start[k]], survey.label[survey.line_end[k]]) for k in pair]
+    names = [survey.line_name[k] if survey.line_name else "" for k in pair]
+    first, second = (describe_ends(name, *two) for name, two in zip(names, ends, strict=True))
+    return Message(
+        "warning",
+        "lines-exchanged",
         f"The readings of the lengths {first} and {second} seem to be exchanged: look at the "
-        f"notes, and swap them. The first {found.describe_difference(rows[0])}; the second "
-        f"{found.describe_difference(rows[1])}."
+        f"notes, and swap them. {detail}",
+        lengths=tuple(filter(None, names)),
+        labels=tuple(dict.fromkeys(label for two in ends for label in two)),
+        several=MessagePlural(
+            "{count} pairs of lengths seem to have each other's readings",
+            f"{first} and {second}",
+            ending="Swap them.",
+        ),
     )
-    opening, ending = "{count} pairs of lengths seem to have each other's readings", "Swap them."
-    several = (opening, f"{first} and {second}", ending)
-    return found.make_message("lines-exchanged", rows, MessageWords(text, several))

@@ -173,7 +173,7 @@ class SuspectLengths:
         """
         at = np.array(rows)
         size = np.abs(self.error[at]) * self.own_sigma_m[at] / self.sigma_m[at]
-        aimless = np.log(np.maximum(2.0 * LOG_ERROR_RANGE * size / np.sqrt(2.0 * np.pi), 1.0))
+        aimless = rate_aimless(size)
         better = float(np.sum(aimless) - np.log(alternatives))
         if better - off / 2.0 < MIN_SLIP_LOG_ODDS:
             return None
@@ -262,6 +262,14 @@ class SuspectLengths:
     def list_names(self, rows: Sequence[int]) -> frozenset[str]:
         """Return the names of some of the lengths."""
         return frozenset(self.diagnosis.survey.line_name[self.line[k]] for k in rows if self._named)
+
+
+def rate_aimless(size: Floats) -> Floats:
+    """Compute the log odds (m,) against errors of unknown reason at just their values, in sigmas.
+
+    The larger an error is, the less probable is it at just this value.
+    """
+    return np.asarray(np.log(np.maximum(2.0 * LOG_ERROR_RANGE * size / np.sqrt(2.0 * np.pi), 1.0)))
 
 
 @dataclass(frozen=True)
