@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -16,6 +17,7 @@ from ezdxf.addons import text2path
 from ezdxf.document import Drawing
 from ezdxf.entities.dxfentity import DXFEntity
 from ezdxf.entities.insert import Insert
+from ezdxf.entities.line import Line
 from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.entities.mtext import MText
 from ezdxf.entities.text import Text
@@ -437,6 +439,71 @@ def test_no_text_is_far_from_what_it_names(seed: int, tmp_path: Path) -> None:
     write_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf", LOOKS)
 
     assert letters_apart(readfile(tmp_path / "random.dxf")).max() < MOST_LETTERS
+
+
+def short_lines(rng: np.random.Generator, count: int) -> Features:
+    """Known lengths of 0.5 to 3 m, close together: most are shorter than their texts."""
+    start, turn = rng.uniform(size=(count, 2)) * 20.0, rng.uniform(0.0, 7.0, count)
+    way = rng.uniform(0.5, 3.0, count)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    place = np.column_stack([np.concatenate([start, start + way]), np.zeros(2 * count)])
+    survey = random_survey(rng)
+    points = survey.layer("points")
+    attributes = {key: values[:1] * len(place) for key, values in points.attributes.items()}
+    attributes["label"] = tuple(f"P{i}" for i in range(len(place)))
+    pairs = np.arange(2 * count).reshape(2, count).T
+    layers = (
+        _lengths(place, pairs),
+        _nothing(),
+        _nothing("measured_lines"),
+        replace(points, vertices_m=tuple(place[:, None]), attributes=attributes),
+    )
+    return replace(survey, layers=layers)
+
+
+def segments(entities: Iterable[DXFEntity]) -> Floats:
+    """Straight parts (n, 2, 2) of what is drawn."""
+    found = []
+    for one in entities:
+        if isinstance(one, LWPolyline):
+            found += list(itertools.pairwise(one.get_points("xy")))
+        elif isinstance(one, Line):
+            found.append((tuple(one.dxf.start)[:2], tuple(one.dxf.end)[:2]))
+    return np.array(found, np.float64).reshape(-1, 2, 2)
+
+
+def apart(corners: Floats, line: Floats) -> float:
+    """From a text (4, 2) to the nearest point of a line (2, 2)."""
+    share = np.linspace(0.0, 1.0, 2001)[:, None]
+    outline = (corners - line[0]).astype(np.float32)
+    places = share * (line[1] - line[0])
+    return max(-max(cv2.pointPolygonTest(outline, at, measureDist=True) for at in places), 0.0)
+
+
+def texts_without_a_line(document: Drawing) -> dict[str, float]:
+    """Dimensions whose texts are farther than a letter from their line, and from own lines."""
+    height = document.dimstyles.get("UAVGRAM").dxf.dimtxt
+    found = {}
+    for dimension in document.modelspace().query("DIMENSION"):
+        parts = list(dimension.virtual_entities())  # type: ignore[attr-defined]
+        (text,) = (one for one in parts if isinstance(one, MText))
+        corners = np.asarray(cv2.boxPoints(box_of(text)), np.float64)
+        ends = dimension.dxf.defpoint2.vec2, dimension.dxf.defpoint3.vec2
+        lines = [np.array(ends, np.float64), *segments(parts)]
+        away = min(apart(corners, line) for line in lines) / height
+        if away > 1.0:
+            found[dimension.dxf.text] = away
+    return found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_text_is_beside_its_short_line_or_lines_lead_to_it(seed: int, tmp_path: Path) -> None:
+    survey = short_lines(np.random.default_rng(seed), 30)
+    write_dxf(survey, tmp_path / "short.dxf", LOOKS)
+    document = readfile(tmp_path / "short.dxf")
+
+    assert len(document.modelspace().query("DIMENSION")) == 30
+    assert covering(document) == []
+    assert texts_without_a_line(document) == {}
 
 
 def test_a_net_of_lengths_between_all_points_keeps_its_texts(tmp_path: Path) -> None:

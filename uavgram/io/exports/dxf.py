@@ -142,8 +142,11 @@ _DOUBT_MARK = " ?"
 """Suffix of a value that differs in another solution with an equal fit."""
 
 _SHORT_M = 1e-6  # a shorter length in plan has no direction
-_ASIDE = 2.5  # from a length to its dimension line, in letter heights
+_STYLE = "UAVGRAM"
 _GAP = 0.3  # around the text of a dimension, in letter heights
+_ALIGNED_DIMENSION = (
+    const.DIM_ALIGNED | const.DIM_BLOCK_EXCLUSIVE | const.DIM_USER_LOCATION_OVERRIDE
+)
 _FAR = 1e6  # in letter heights, beyond the extent of any drawing
 _PAPER_M = (0.420, 0.297)  # A3
 _TEXT_SHARE = 1 / 80  # letter height relative to the drawing's extent
@@ -294,8 +297,8 @@ def _text_height(features: Features) -> float:
 
 
 def _dimension_style(document: Drawing, text_m: float) -> None:
-    style = document.dimstyles.duplicate_entry("Standard", "UAVGRAM")
-    sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": _GAP}
+    style = document.dimstyles.duplicate_entry("Standard", _STYLE)
+    sizes = {"dimtxt": 1.0, "dimasz": 0.0, "dimexe": 0.0, "dimexo": 0.0, "dimgap": _GAP}
     for name, share in sizes.items():
         style.set_dxf_attrib(name, share * text_m)
         # for programs that draw all dimensions with the header's style (LibreCAD 2.2)
@@ -371,7 +374,7 @@ def _values(layer: Layer, text_m: float, words: NumberFormat) -> list[Text]:
             # from left to right, the reading direction
             ends = strip[np.lexsort(strip[:, 1::-1].T)]
             half = compute_half_size(text, text_m)
-            label = Label(ends[0, :2], ends[1, :2], half, _ASIDE * text_m, "along")
+            label = Label(ends[0, :2], ends[1, :2], half, 0.0, "along")
             on = layer.name if is_known else _DIMENSIONS
             texts.append(Text(text, label, on, ends))
         elif len(strip) and not is_length:
@@ -385,16 +388,15 @@ def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
     boxes, leaders, sides, _ = texts.places
     turn = boxes[:, 4:]
     # letters begin or end at the leader; a dimension has its own lines
-    sides = np.where([len(text.ends) == 1 for text in texts.texts], sides, 0)
+    is_dimension = np.array([len(text.ends) > 1 for text in texts.texts], np.bool_)
+    sides = np.where(is_dimension, 0, sides)
     aside = (sides * boxes[:, 2])[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     middle = np.column_stack([boxes[:, :2] + aside, up])
     along = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
     drawn = sheet.place(np.concatenate([middle, middle + along]))
     middle, way = drawn[: len(up)], np.diff(drawn.reshape(2, -1, 3), axis=0)[0]
-    for k, (text, at, (east, north, _)) in enumerate(zip(texts.texts, middle, way, strict=True)):
-        if len(text.ends) > 1:
-            _dimension(sheet, text, at, float(boxes[k, 3]))
-            continue
+    for k in np.flatnonzero(~is_dimension).tolist():
+        text, (east, north, _) = texts.texts[k], way[k]
         degrees = (math.degrees(math.atan2(north, east)) + 90.0) % 180.0 - 90.0  # never upside down
         written = sheet.space.add_text(
             escape_text(text.words),
@@ -402,33 +404,76 @@ def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
             rotation=degrees,
             dxfattribs=sheet.on(text.layer),
         )
-        written.set_placement(tuple(at), align=ALIGNED[int(sides[k])])
+        written.set_placement(tuple(middle[k]), align=ALIGNED[int(sides[k])])
         if np.isfinite(leaders[k, 0, 0]):
             ends = sheet.place(np.column_stack([leaders[k], np.full(2, text.ends[0, 2])]))
             start, end = ends.tolist()
             sheet.space.add_line(start, end, dxfattribs=sheet.on(text.layer))
+    rows = np.flatnonzero(is_dimension)
+    if len(rows):
+        _draw_dimensions(sheet, [texts.texts[k] for k in rows], middle[rows], boxes[rows, 2:4])
 
 
-def _dimension(sheet: Sheet, text: Text, middle: Floats, half_height: float) -> None:
-    """Draw a dimension in plan at mean height, farther out where others are in the way."""
-    ends = sheet.place(text.ends)
-    start, end = ends[:, :2]
-    along = (end - start) / np.linalg.norm(end - start)
-    across = np.array([-along[1], along[0]])
-    drawn = sheet.space.add_aligned_dim(
-        p1=tuple(start),
-        p2=tuple(end),
-        distance=float(across @ (middle[:2] - start)) - half_height,
-        text=escape_mtext(text.words),
-        dimstyle="UAVGRAM",
-        dxfattribs=sheet.on(text.layer),
+def _draw_dimensions(sheet: Sheet, texts: list[Text], middle: Floats, half: Floats) -> None:
+    """Draw dimensions in plan at mean height; their lines lead to texts that are farther out.
+
+    Each has one polyline: from one point to the dimension line, along it and as far as its text,
+    and to the other point.
+
+    Parameters
+    ----------
+    sheet
+        The drawing.
+    texts
+        Texts of the dimensions.
+    middle
+        (n, 3) middles of the texts, in the drawing's coordinates.
+    half
+        (n, 2) half the width and height of each text.
+    """
+    ends = sheet.place(np.concatenate([text.ends for text in texts])).reshape(-1, 2, 3)
+    up, start, way = (
+        ends[:, :, 2].mean(axis=1),
+        ends[:, 0, :2],
+        np.diff(ends[..., :2], axis=1)[:, 0],
     )
-    drawn.set_location(tuple(middle[:2]))
-    dimension = drawn.render().dimension
-    dimension.translate(0.0, 0.0, float(ends[:, 2].mean()))
-    for part in dimension.get_geometry_block() or ():
-        if part.dxf.layer == "0":  # not every program draws that in the colour of the dimension
-            part.dxf.layer = dimension.dxf.layer
+    length = np.linalg.norm(way, axis=1)
+    along = way / length[:, None]
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    at = ((middle[:, :2] - start)[:, None] @ np.stack([along, across], axis=2))[:, 0]
+    # The dimension line passes between the text and its object, or below a text beyond its ends.
+    out = at[:, 1] - np.sign(at[:, 1]) * half[:, 1]
+    low, high = at[:, 0] - half[:, 0], at[:, 0] + half[:, 0]
+    far = np.where(low > length, high, np.where(high < 0.0, low, length))
+    zero = np.zeros(len(texts))
+    u, v = [zero, zero, far, length, length], [zero, out, out, out, zero]
+    path = start + np.stack(u)[..., None] * along + np.stack(v)[..., None] * across
+    path = path.swapaxes(0, 1)
+    degrees = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
+    for k, text in enumerate(texts):
+        on = sheet.on(text.layer)
+        place, words = (*middle[k, :2].tolist(), up[k]), escape_mtext(text.words)
+        block = sheet.document.blocks.new_anonymous_block(type_char="D")
+        block.add_lwpolyline(path[k].tolist(), dxfattribs={**on, "elevation": up[k]})
+        letters = {"char_height": sheet.text_m, "rotation": degrees[k], "insert": place}
+        middle_center = const.MTEXT_MIDDLE_CENTER
+        block.add_mtext(words, {**on, **letters, "attachment_point": middle_center})
+        sheet.space.new_entity(
+            "DIMENSION",
+            {
+                **on,
+                "dimtype": _ALIGNED_DIMENSION,
+                "dimstyle": _STYLE,
+                "geometry": block.name,
+                "text": words,
+                "text_midpoint": place,
+                "attachment_point": middle_center,
+                "actual_measurement": length[k],
+                "defpoint": (*path[k, -2].tolist(), up[k]),
+                "defpoint2": (*start[k].tolist(), up[k]),
+                "defpoint3": (*path[k, -1].tolist(), up[k]),
+            },
+        )
 
 
 def _note(sheet: Sheet, features: Features, note: str, corner: tuple[float, float]) -> None:

@@ -383,17 +383,26 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     Two convex shapes have none if and only if a line separates them; for rectangles, one that is
     parallel to a side (Ericson 2005, Real-Time Collision Detection, 4.4.1).
     """
-    x, y, w, h, angle = one.T[:, :, None]
-    other_x, other_y, other_w, other_h, other_angle = other.T
-    x, y = x - other_x, y - other_y
+    x, y = one[:, :1] - other[:, 0], one[:, 1:2] - other[:, 1]
     if not one[:, 4].any() and not other[:, 4].any():  # as in most pictures
-        return np.asarray((np.abs(x) < w + other_w) & (np.abs(y) < h + other_h))
+        width, height = one[:, 2:3] + other[:, 2], one[:, 3:4] + other[:, 3]
+        return np.asarray((np.abs(x) < width) & (np.abs(y) < height))
+    reach = _circumradius(one)[:, None] + _circumradius(other)
+    found = np.asarray(x * x + y * y < reach * reach)
+    i, j = np.nonzero(found)  # only pairs whose circumcircles meet
+    x, y = x[i, j], y[i, j]
+    _, _, w, h, angle = one[i].T
+    _, _, other_w, other_h, other_angle = other[j].T
     turn = other_angle - angle
     c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    return np.asarray(
-        _within(x, y, angle, w + other_w * c + other_h * s, h + other_w * s + other_h * c)
-        & _within(x, y, other_angle, other_w + w * c + h * s, other_h + w * s + h * c)
-    )
+    found[i, j] = _within(x, y, angle, w + other_w * c + other_h * s, h + other_w * s + other_h * c)
+    found[i, j] &= _within(x, y, other_angle, other_w + w * c + h * s, other_h + w * s + h * c)
+    return found
+
+
+def _circumradius(places: Floats) -> Floats:
+    """Return the radius (n,) of the circle around each rectangle (n, 5)."""
+    return np.hypot(places[:, 2], places[:, 3])
 
 
 def _within(x: Floats, y: Floats, angle: Floats, width: Floats, height: Floats) -> Bools:
