@@ -65,14 +65,27 @@ class InputError(UavgramError):
             The file.
         faults
             At least one pair of line number (None for files without lines) and message; each
-            message but the first gets its own ``path:line:``, as in compilers.
+            message but the first gets its own ``path:line:``, as in compilers. A message of many
+            lines is given once.
         """
-        ordered = sorted(faults, key=lambda fault: fault[0] or 0)
-        (line, message), rest = ordered[0], ordered[1:MOST_FAULTS_SHOWN]
+        lines: dict[str, list[int | None]] = {}
+        for at, text in sorted(faults, key=lambda fault: fault[0] or 0):
+            lines.setdefault(text, []).append(at)
+        named = [(places[0], text + _list_more_lines(places[1:])) for text, places in lines.items()]
+        (line, message), *rest = named[:MOST_FAULTS_SHOWN]
         texts = [message, *(str(cls(path, text, at)) for at, text in rest)]
-        if len(ordered) > MOST_FAULTS_SHOWN:
-            texts.append(f"... and {len(ordered) - MOST_FAULTS_SHOWN} more mistakes in this file")
+        if len(named) > MOST_FAULTS_SHOWN:
+            texts.append(f"... and {len(named) - MOST_FAULTS_SHOWN} more mistakes in this file")
         return cls(path, "\n".join(texts), line)
+
+
+def _list_more_lines(lines: Sequence[int | None]) -> str:
+    """Return the words for further lines with the same mistake; none for no line."""
+    if not lines:
+        return ""
+    shown = ", ".join(map(str, lines[:MOST_FAULTS_SHOWN]))
+    more = len(lines) - MOST_FAULTS_SHOWN
+    return f" (also line{'s' * (len(lines) > 1)} {shown}{f' and {more} more' if more > 0 else ''})"
 
 
 class GeometryError(UavgramError):

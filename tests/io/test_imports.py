@@ -226,6 +226,19 @@ def test_exchanged_coordinates_are_told_where_photos_show_it(
         read_gcp_list(path, GcpSigmas(sigma_m=0.05))
 
 
+def test_one_sentence_tells_of_all_points_with_exchanged_coordinates(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(placed_jpeg(8.54, 47.31))
+    points = "".join(f"47.30{k} 8.55{k} 400 {k} {k} a.jpg G{k}\n" for k in range(4))
+    path = write(tmp_path, f"EPSG:4326\n{points}")
+
+    with pytest.raises(InputError) as raised:
+        read_gcp_list(path, GcpSigmas(sigma_m=0.05))
+
+    told = str(raised.value)
+    assert told.count("exchanged") == 1
+    assert told.endswith("(also lines 3, 4, 5)")
+
+
 def test_exchanged_coordinates_are_told_by_the_systems_area_where_no_photo_is_there(
     tmp_path: Path,
 ) -> None:
