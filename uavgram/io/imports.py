@@ -337,7 +337,7 @@ def _check(path: Path, rows: list[_Row]) -> None:
             if fault := find_unshowable(name):
                 faults.append((row.line, f"{what} {name!r} holds {fault}: type it again"))
         if ";" in row.label:
-            text = f"label {row.label!r} holds a semicolon, which separates labels in measure.csv"
+            text = f"label {row.label!r} holds a semicolon, which separates a measurement's labels"
             faults.append((row.line, text))
         first = place.setdefault(row.label, row)
         if first.xyz != row.xyz:

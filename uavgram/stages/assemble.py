@@ -332,13 +332,13 @@ def _report_unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterato
                 "warning",
                 "control-unseen",
                 f"The control point {label!r} is not used: it has no usable pick{hint}. Pick it, "
-                "or correct its name; if no photo shows it, delete its row.",
+                "or correct its name; if no photo shows it, remove it from the control points.",
                 labels=(label,),
                 several=MessagePlural(
                     "{count} control points are not used, having no usable pick",
                     f"{label!r}{hint}",
-                    ending="Pick them, or correct their names; if no photo shows one, delete its "
-                    "row.",
+                    ending="Pick them, or correct their names; if no photo shows one, remove it "
+                    "from the control points.",
                 ),
             )
 

@@ -76,14 +76,14 @@ def _stale(picks: Picks, i: int) -> Message:
         "warning",
         "match-stale",
         f"{label} in {image} is not used: it was found from a pick of {label} that was moved or "
-        "deleted. Run `uavgram picks match` again, or delete the row.",
+        "deleted. Run `uavgram picks match` again, or delete the match.",
         frames=(image,),
         labels=(label,),
         several=MessagePlural(
             "{count} matches are not used: the picks that they were found from were moved or "
             "deleted",
             f"{label} in {image}",
-            ending="Run `uavgram picks match` again, or delete these rows.",
+            ending="Run `uavgram picks match` again, or delete these matches.",
         ),
     )
 

@@ -151,7 +151,7 @@ def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:
     if source == "ground":
         return "on it"
     if source in ("free", "found"):
-        unasked = "" if source == "free" else ", though picks.csv has it on the ground"
+        unasked = "" if source == "free" else ", though its picks have it on the ground"
         return f"{plus_minus(height_m, sigma_m)} m, found{unasked}"
     if sigma_m > 0:
         return f"{plus_minus(height_m, sigma_m)} m, stated and adjusted"

@@ -54,6 +54,11 @@ from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
             "the page has nothing for it.)",
         ),
         (
+            "Write 'horizontal' into the column `along` of lines.csv if it was level.",
+            "Write 'horizontal' into the column `along` of lines.csv if it was level. (along: in "
+            "the file lines.csv, with a text editor; then open the project again.)",
+        ),
+        (
             "Name the flight's log (`log:`), if there is one.",
             "Name the flight's log (`log:`), if there is one. (log: in the set-up of the folder; "
             "under Camera, 'Change camera, mount, tape or case'.)",
@@ -79,10 +84,11 @@ def test_sentences_are_worded_and_data_is_not() -> None:
     assert worded == {"text": "Run The list of photos ", "labels": ["--output"]}
 
 
-def literals() -> str:
+def literals(*rooms: str) -> str:
     """Return the texts of the package's modules but the one under test, one a line."""
     found = []
-    for path in Path(uavgram.__file__).parent.rglob("*.py"):
+    package = Path(uavgram.__file__).parent
+    for path in (one for room in rooms or ("",) for one in (package / room).rglob("*.py")):
         if path.name != "ways_on_page.py":
             for one in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(one, ast.JoinedStr):
@@ -100,3 +106,15 @@ def test_each_way_is_for_a_message_that_exists() -> None:
     text = text.replace("write `X` into X", "write `leave_out: [P1.jpg]` into project.yaml")
 
     assert [way.pattern for way, _ in WAYS if not re.search(way, text)] == []
+
+
+CELLS = re.compile(
+    r"\b(?:delete (?:the|its|their|these) rows?|(?:in|and|with a|the) (?:height|length|sigma)_m\b)"
+)
+"""A row or a cell of a table, which the page does not show."""
+
+
+def test_no_advice_names_a_row_or_a_cell() -> None:
+    advice = [name_on_page(one) for one in literals("stages", "estimation", "pipeline").split("\n")]
+
+    assert [one for one in advice if CELLS.search(one)] == []

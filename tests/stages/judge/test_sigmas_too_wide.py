@@ -36,7 +36,7 @@ def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
     assert message.text == (
         "2 kinds of observations do not fit as well as their stated errors promise: picks: look at "
         "their labels and picks_sigma_px (variance factor 3.0, probability 1e-07); known lengths: "
-        "look at their readings and sigma_m (variance factor 2.0, probability 0.0001). Until this "
+        "look at their readings and sigmas (variance factor 2.0, probability 0.0001). Until this "
         "is cleared up, the uncertainties of the results are too small."
     )
 

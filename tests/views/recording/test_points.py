@@ -270,7 +270,7 @@ def test_the_pages_have_heights_and_where_they_are_from(contents: Contents) -> N
     assert "| P15 | **0.800 m, as stated** |" in heights
     for page in (heights, points):
         assert len({line.count("|") for line in page.splitlines() if line.startswith("|")}) == 1
-    assert "| -0.300 ± 0.040 m, found, though picks.csv has it on the ground |" in points
+    assert "| -0.300 ± 0.040 m, found, though its picks have it on the ground |" in points
 
 
 def test_bars_of_the_ground_stand_on_the_ground_below_a_raised_point(tmp_path: Path) -> None:
@@ -304,7 +304,7 @@ def test_labels_say_which_heights_were_stated(result: Result) -> None:
     ]
     assert (
         height_of(result.points, rows[0])
-        == "-0.300 ± 0.040 m, found, though picks.csv has it on the ground"
+        == "-0.300 ± 0.040 m, found, though its picks have it on the ground"
     )
 
 

@@ -111,7 +111,7 @@ def _check_names(table: Table) -> None:
         name = _FOLDER.split(image)[-1]
         table.add_fault(row, f"image must be the file's name alone: {name!r} (got {image!r})")
     for row, label in _rows_with(table, "label", _SEMICOLON):
-        text = f"label {label!r} holds a semicolon, which separates labels in measure.csv"
+        text = f"label {label!r} holds a semicolon, which separates a measurement's labels"
         table.add_fault(row, text)
 
 

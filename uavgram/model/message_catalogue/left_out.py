@@ -50,7 +50,7 @@ EXCLUDED = (
             "photos: the object may have moved, or look like another one."
         ),
         consequence="The numbers do not use it.",
-        action="Check the match. Pick the point there by hand, or delete the row.",
+        action="Check the match. Pick the point there by hand, or delete the match.",
     ),
     Entry(
         "ties-left-out",
@@ -306,7 +306,9 @@ UNUSED = (
         "control-unseen",
         WARNING,
         finding="A control point is not used, because it has no usable pick.",
-        action="Pick it, or correct its name. If no photo shows it, delete its row.",
+        action=(
+            "Pick it, or correct its name. If no photo shows it, remove it from the control points."
+        ),
         effect=Effect.AMBER,
         order=Order.EXCLUDED,
         one="The control point {labels} is not used: it is not picked.",
@@ -372,7 +374,7 @@ UNUSED = (
         finding=(
             "A match is not used, because the pick that it was found from was moved or deleted."
         ),
-        action="Run `uavgram picks match` again, or delete the row.",
+        action="Run `uavgram picks match` again, or delete the match.",
     ),
     Entry(
         "own-columns",

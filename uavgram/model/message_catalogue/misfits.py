@@ -392,7 +392,7 @@ FOUND_CAUSES = (
             "everything fits better if it was held level. This is likely, but not certain."
         ),
         consequence="All values are doubtful.",
-        action="Write `slope` or `horizontal` in the column `along` of the lengths.",
+        action="Write `slope` or `horizontal` in the column `along` of lines.csv.",
         effect=Effect.DOUBTFUL,
         order=Order.POSSIBLE_CAUSE,
         one="The file of the lengths does not state how the tape was held.",

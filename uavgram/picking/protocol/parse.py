@@ -175,7 +175,7 @@ class _Fields:
     def label(self, name: str = "label") -> str:
         value = self.text(name)
         if ";" in value:
-            _refuse("a label cannot hold a semicolon, which separates labels in measure.csv")
+            _refuse("a label cannot hold a semicolon, which separates a measurement's labels")
         return value
 
     def choice(self, name: str, known: Sequence[Choice]) -> Choice:

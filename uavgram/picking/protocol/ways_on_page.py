@@ -29,7 +29,7 @@ WAYS = tuple(
         (r"`uavgram check`", "The list of photos"),
         (r"`uavgram picks ties`", "`ties: auto` in the project"),
         (
-            r"Run `uavgram picks match` again, or delete (?:the row|these rows)",
+            r"Run `uavgram picks match` again, or delete (?:the match|these matches)",
             "Delete the pick there, and accept a new proposal",
         ),
         (r"(?:run )?`uavgram calibrate[^`]*`", "use 'Calibrate on a folder', under Camera"),
@@ -44,7 +44,6 @@ WAYS = tuple(
         (r"state --control-sigma-m\b", "state how well the points are known (±)"),
         (r"write `free` as (?:the )?height_m of (its|their) picks", r"free \1 height (Q)"),
         (r"write `auto` into `mount`", "choose 'As recorded' as the `mount`"),
-        (r"\b(in|and) sigma_m\b", r"\1 the ±"),
     )
 )
 """Commands, options and cells of tables in the words of messages, and the same on the page."""
@@ -57,6 +56,7 @@ _SETTING = re.compile(
     rf"`(?P<quoted>(?:{'|'.join(_SECTIONS)})\.\w+|(?:{'|'.join(_KEYS)}))(?::[^`]*)?`"
     rf"|\b(?P<plain>(?:{'|'.join(_SECTIONS)})\.[a-z]\w+|{'|'.join(k for k in _KEYS if '_' in k)})\b"
 )
+_COLUMN = re.compile(r"\bcolumn `(\w+)` of (\w+\.csv)")
 _ANY = re.compile(rf"`|--[a-z]|[a-z]_[a-z]|\b(?:{'|'.join(_SECTIONS)})\.[a-z]")
 """A command, an option or a setting, quickly: most sentences name none."""
 
@@ -112,5 +112,7 @@ def _notes(sentence: str) -> Iterator[str]:
             f"({join_names(edited)}: in the file {PROJECT_FILE}, with a text editor; then open the "
             "project again.)"
         )
+    for column, table in dict.fromkeys(_COLUMN.findall(sentence)):
+        yield (f"({column}: in the file {table}, with a text editor; then open the project again.)")
     if commands := [*dict.fromkeys(match[0].strip("`") for match in _COMMAND.finditer(sentence))]:
         yield f"({join_names(commands)}: in a terminal; the page has nothing for it.)"

@@ -63,7 +63,7 @@ UNPLACED = "the photos do not show it on the ground, and its height is not known
 
 GROUNDLESS = (
     "the photos do not show which points are on the ground, as these look different in most of "
-    "them: also pick three marks on the road, each in two photos, with a height_m of 0"
+    "them: also pick three marks on the road, each in two photos, with the height 0"
 )
 
 

@@ -418,7 +418,7 @@ def _control_lines(project: Project, known: KnownThings) -> ControlLines:
     lines = read_control_lines(project.control_lines)
     for name in lines.name:
         if name in known.name:
-            text = f"line {name!r} is called like a known thing in known.csv: rename one of them"
+            text = f"line {name!r} is called like a known thing: rename one of them"
             raise InputError(project.control_lines, text)
     return lines
 

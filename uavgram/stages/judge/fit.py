@@ -239,9 +239,10 @@ def _report_wide_sigmas(
     )
     text = (
         "Everything fits far better than stated: the stated errors are far too wide, and so are "
-        "the uncertainties of the results. State the true ones: picks_sigma_px, sigma_m of the "
-        f"lengths, ground, telemetry (variance factor {format_digits(cost / degrees)}, probability "
-        f"{probability:.7g}" + (f"; by group: {which})." if which else ").")
+        "the uncertainties of the results. State the true ones: picks_sigma_px, the sigmas of "
+        "the lengths, ground, telemetry (variance factor "
+        f"{format_digits(cost / degrees)}, probability {probability:.7g}"
+        + (f"; by group: {which})." if which else ").")
     )
     yield Message("info", "sigmas-too-wide", text)
 

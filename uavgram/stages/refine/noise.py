@@ -524,7 +524,7 @@ def report_noise(noise: Noise | None) -> Iterator[Message]:
             f"{format_digits(lengths.stated_m * lengths.factor)} m found. All uncertainties are "
             f"wider "
             "for "
-            "that. State in sigma_m how finely the tape was read."
+            "that. State in their sigmas how finely the tape was read."
         )
         yield Message("warning", "lengths-less-exact", text)
     beside = noise.identification

@@ -297,13 +297,13 @@ def report_ties(survey: Survey, sound: CheckedTies) -> Iterator[Message]:
             "match-left-out",
             f"{label} in {image} is left out: this match does not fit the matches in the other "
             "photos (the point may have moved, or look like something else). Look at "
-            "it, and pick it by hand or delete the row.",
+            "it, and pick it by hand or delete the match.",
             frames=(image,),
             labels=(label,),
             several=MessagePlural(
                 "{count} matches are left out: they do not fit the matches in other photos",
                 f"{label} in {image}",
-                ending="Look at them, and pick them by hand or delete these rows.",
+                ending="Look at them, and pick them by hand or delete the matches.",
             ),
         )
     wrong, all_ties = len(sound.ties_left_out), len(survey.ties.frame)

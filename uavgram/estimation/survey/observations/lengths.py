@@ -127,7 +127,7 @@ class Lengths(Observation):
         role="reading",
         rank=1,
         plural="known lengths",
-        check="their readings and sigma_m",
+        check="their readings and sigmas",
         misfit_code="line-suspect",
         advice="Look at the readings, at their ends and at their picks.",
         is_core=True,

@@ -177,7 +177,7 @@ def report_possible_errors(adjustment: Adjustment) -> Iterator[Message]:
             f"The ground slopes by {slope:.0f} degrees, the file of the lengths does not state how "
             "the tape was held, and everything fits better if it was held level. Then it reads "
             "less than along the slope, and the results are too small. Write 'slope' or "
-            "'horizontal' into the column along of the lengths."
+            "'horizontal' into the column `along` of lines.csv."
         )
         yield Message("warning", "lengths-level-possible", text, labels=labels, lengths=names)
 
