@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
@@ -110,6 +111,8 @@ def _around(result: Result, region: Region) -> tuple[str, ...]:
 
 WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "quarter": 210.0}
 """Width of each kind of picture on the page, in units of its marks."""
+UNIT_STEPS = 8
+"""Steps of that unit in each doubling: a layout program loads its fonts anew for each size."""
 SIZES = {0: "half", 1: "single", 2: "half", 3: "third", 4: "half"}
 """Kind of pictures for small numbers of measurements; otherwise four are side by side."""
 MAX_SHOWN = 12
@@ -219,7 +222,8 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
         if subject == "measurement":
             subject = "first" if row in first else "more"
         width = {"overview": "overview", "first": size}.get(subject, "quarter")
-        unit = picture.region.width_px / WIDTHS[width]
+        steps = round(UNIT_STEPS * math.log2(picture.region.width_px / WIDTHS[width]))
+        unit = 2.0 ** (steps / UNIT_STEPS)
         made[subject].append(_photo_picture(result, drawn, picture, unit, row))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     brightened = {one.region.frame for one in pictures.shown if one.stretch is not None}
