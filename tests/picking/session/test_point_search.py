@@ -29,8 +29,9 @@ from uavgram.picking.session.point_search import OFF_GROUND, PickedTargets, Poin
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.workers import collect_observations
 from uavgram.pipeline.match.patch_search import Photos, Task
+from uavgram.pipeline.match.predicted_places import PredictedPlaces
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces
+from uavgram.pipeline.pick.places import AdjustedPlaces
 from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair, Record
 
 LONGEST_WAIT_S = 20.0
@@ -143,6 +144,8 @@ class World:
             self.refused = {}
             places = self.predicted(picks, None, wanted)
             yield replace(places, radius_px=np.full(len(places), 5.0))
+
+    inputs = None
 
     def flight(self) -> object:
         return None

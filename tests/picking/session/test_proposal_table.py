@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -11,13 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 from open_projects import change, opened
-from textured_ground import NAMES, Textured, write_textured
+from textured_ground import LABELS, NAMES, Textured, write_textured
 
 from uavgram.io.tables.picks import read_picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.project import OpenProject
+from uavgram.pipeline.match.run import match_picks
 
 Json = dict[str, Any]
 LONGEST_WAIT_S = 30.0
@@ -127,3 +129,41 @@ def test_a_click_that_moves_is_sought_anew(
     wait(lambda: len(told(opened_, NEW)[0]) == 2)
     for one in told(opened_, NEW)[0]:  # the photos are of about one scale
         assert 2.0 < abs(one["u_px"] - before[one["image"]]) + 1.0 < 7.0
+
+
+def test_without_poses_page_and_command_find_the_same_in_whatever_order_it_is_picked(
+    textured: Textured,
+) -> None:
+    settings = textured.path.read_text().splitlines(keepends=True)
+    left = [line for line in settings if not line.startswith(("poses", "world"))]
+    textured.path.write_text("".join(left))
+    ends = [("P2", "P4"), ("P3", "P4"), ("P4", "P5")]
+    taped = [f"{a}{b},{a},{b},{math.dist(LABELS[a], LABELS[b])},0.01\n" for a, b in ends]
+    with textured.path.with_name("lines.csv").open("a") as lines:
+        lines.writelines(taped)
+
+    def found(project: OpenProject) -> dict[tuple[int, str], tuple[float, float]]:
+        proposals = project.picking.initial_state()["proposals"]["found"]
+        return {(one["image"], one["label"]): (one["u_px"], one["v_px"]) for one in proposals}
+
+    def agrees(project: OpenProject, wanted: dict[tuple[int, str], tuple[float, float]]) -> bool:
+        now = found(project)
+        same = now.keys() == wanted.keys()
+        return same and all(math.dist(now[pair], at) < 0.01 for pair, at in wanted.items())
+
+    with opened(textured.path) as (project, _):
+        project.open()
+        wait(lambda: len(found(project)) == 2 * (len(LABELS) - 1))
+        click(project, textured)  # after the others were found
+        project.picking.save()
+        record = match_picks(textured.path, dry_run=True).record
+        matched = {
+            (NAMES.index(name), label): one.pixel_px for (name, label), one in record.found.items()
+        }
+        assert len(matched) == 2 * len(LABELS)
+        wait(lambda: agrees(project, matched))
+        project.picking.stop()
+    with opened(textured.path) as (project, _):
+        project.open()
+        wait(lambda: agrees(project, matched))
+        project.picking.stop()

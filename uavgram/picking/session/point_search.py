@@ -26,9 +26,10 @@ from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
+from uavgram.pipeline.match.places_by_features import FeaturePlaces
+from uavgram.pipeline.match.predicted_places import PredictedPlaces
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces, predict_places
-from uavgram.pipeline.pick.places_by_features import FeaturePlaces
+from uavgram.pipeline.pick.places import AdjustedPlaces, predict_places
 from uavgram.pipeline.targets import make_pick_row, recognise_picked, recognise_same
 from uavgram.stages.match import (
     CONTRADICTED,
@@ -75,7 +76,7 @@ class PointSearch:
     def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: ProposalTable) -> None:
         self._survey, self._photos, self.proposed = survey, photos, proposed
         self._targets = PickedTargets(survey, photos)
-        self._features = FeaturePlaces(survey)
+        self._features = FeaturePlaces(survey.inputs)
         self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
         # Finds and lengths of the last adjustment with finds.
