@@ -208,6 +208,10 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
         photos.stop()
 
 
+def list_reasons(seeker: PointSearch) -> list[str]:
+    return [one.why for one in seeker.proposed.outcomes.values()]
+
+
 def until(holds: Callable[[], bool]) -> None:
     latest = time.monotonic() + LONGEST_WAIT_S
     while not holds():
@@ -221,7 +225,7 @@ def test_a_point_that_is_probably_not_on_the_ground_is_asked_for_and_not_propose
     world = World()
     world.off_ground = ("A",)
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True))
     until(lambda: [one.why for one in seeker.proposed.outcomes.values()].count(OFF_GROUND) == 2)
     found = {pair for pair, one in seeker.proposed.outcomes.items() if one.found is not None}
 
@@ -232,10 +236,10 @@ def test_withdrawn_matches_remain_evidence_and_come_back_with_it(start: Start) -
     world = World()
     world.off_ground = ("A",)
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
     until(lambda: [one.why for one in seeker.proposed.outcomes.values()].count(OFF_GROUND) == 2)
     world.off_ground = ()
-    seeker.submit(SearchInput(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True))
     until(lambda: sum(one.found is not None for one in seeker.proposed.outcomes.values()) == 4)
 
     assert {pair for pair in Agreeing.seen[-1] if pair[1] == "A"} == {
@@ -248,7 +252,7 @@ def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: 
     world = World()
     world.refused = {"3.jpg": RefusalReason.NOT_UNIQUE}
     seeker, told = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     found, asked = seeker.proposed.outcomes["2.jpg", "A"], seeker.proposed.outcomes["3.jpg", "A"]
     assert found.found is not None
@@ -262,7 +266,7 @@ def test_what_stands_off_the_ground_is_known_less_well(start: Start) -> None:
     world = World()
     world.raised = ("A",)
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     found = seeker.proposed.outcomes["2.jpg", "A"].found
 
@@ -276,7 +280,7 @@ def test_it_is_kept_whether_all_that_surrounds_a_find_is_alike(
     likeness = iter([0.79, 0.81])
     monkeypatch.setattr(module, "compute_worst_quarter_correlation", lambda *_: next(likeness))
     seeker, _ = start(World())
-    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 2)
 
     assert sorted(one.is_alike for one in seeker.proposed.outcomes.values()) == [False, True]
@@ -286,33 +290,63 @@ def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start)
     world = World()
     world.wrong = [("2.jpg", "B")]
     seeker, told = start(world)
-    seeker.submit(SearchInput(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True))
     until(lambda: bool(told) and told[-1][1] == {"B"})
     assert seeker.proposed.outcomes["2.jpg", "B"].why == CONTRADICTED
     assert seeker.proposed.outcomes["2.jpg", "B"].found is None
     assert seeker.proposed.outcomes["3.jpg", "B"].found is not None
 
 
-def test_nothing_is_looked_at_twice_until_far_more_is_known(start: Start) -> None:
+def seek_without_poses(
+    world: World, seeker: PointSearch, labels: Sequence[str], off_ground: Sequence[str]
+) -> Outcomes:
+    """Outcomes for some labels, by features alone and then by an adjustment with the finds."""
+    picked, tried = state(*labels), len(world.tried)
+    world.posed, world.by_features, world.off_ground = (), TARGETS, tuple(off_ground)
+    seeker.submit(SearchInput(picked, adjusted(picked), is_adjusted=True))
+    until(lambda: len(world.tried) > tried)
+    wanted = [OFF_GROUND if label in off_ground else "" for label in labels for _ in TARGETS]
+    until(lambda: sorted(list_reasons(seeker)) == sorted(wanted))
+    return seeker.proposed.outcomes
+
+
+@pytest.mark.parametrize("before", [("B",), ("A", "B")])
+def test_proposals_do_not_depend_on_the_order_of_the_picks(
+    start: Start, before: tuple[str, ...]
+) -> None:
     world = World()
-    world.refused = {"3.jpg": RefusalReason.TOO_FAR}
+    at_once = seek_without_poses(world, start(world)[0], ("A", "B"), ())
+    world = World()
     seeker, _ = start(world)
-    for radius, looked in ((20.0, 2), (15.0, 2), (8.0, 3)):
-        world.radius_px, world.places = radius, None
-        seeker.submit(SearchInput(state("A"), LAST))
-        until(lambda: world.places is not None)
-        until(lambda n=looked: len(world.looked) >= n)  # type: ignore[misc]
-        time.sleep(0.02)
-        assert len(world.looked) == looked
+    # An earlier adjustment took its labels for points off the ground.
+    seek_without_poses(world, seeker, before, before)
+
+    assert seek_without_poses(world, seeker, ("A", "B"), ()) == at_once
+
+
+def test_with_an_older_adjustment_only_new_picks_are_sought_and_none_withdrawn(
+    start: Start,
+) -> None:
+    world = World()
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
+    until(lambda: list_reasons(seeker) == [""] * 2)
+    world.off_ground = ("A",)
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=False))
+    until(lambda: list_reasons(seeker) == [""] * 4)
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True))
+    until(lambda: list_reasons(seeker).count(OFF_GROUND) == 2)
+
+    assert len(world.looked) == 2 + 2 + 4
 
 
 def test_newer_picks_are_not_waited_for(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
     world.go_on.clear()
-    seeker.submit(SearchInput(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True))
     world.begun.wait(LONGEST_WAIT_S)
-    seeker.submit(SearchInput(state("A", "B", "C", u=99.0), LAST))
+    seeker.submit(SearchInput(state("A", "B", "C", u=99.0), LAST, is_adjusted=True))
     world.go_on.set()
     until(lambda: len(seeker.proposed.outcomes) == 6)
     assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.proposed.outcomes.values())
@@ -321,9 +355,9 @@ def test_newer_picks_are_not_waited_for(start: Start) -> None:
 
 def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
     seeker, told = start(World())
-    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 2)
-    seeker.submit(SearchInput(state("B"), None))
+    seeker.submit(SearchInput(state("B"), None, is_adjusted=True))
     until(lambda: not seeker.proposed.outcomes)
     assert told[-1][:2] == ({}, {"A"})
 
@@ -331,23 +365,24 @@ def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
 def test_what_is_refused_is_not_proposed_again(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     seeker.proposed.refuse([("2.jpg", "A")])
     world.radius_px = 1.0
-    seeker.submit(SearchInput(state("A"), LAST))
-    seeker.submit(SearchInput(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 4)
     assert seeker.proposed.outcomes["2.jpg", "A"].why == BY_HAND
     assert seeker.proposed.outcomes["2.jpg", "A"].found is None
-    assert len(world.looked) == 4  # nor looked at
+    photos = [photo for photo, _ in world.looked]
+    assert photos.count("2.jpg") == 2  # for A before, and for B: it is not looked at again
 
 
 def test_what_is_picked_there_is_not_sought(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
     there = Pick(image="2.jpg", label="A", u_px=10.0, v_px=5.0, source="match")
-    seeker.submit(SearchInput(State(picks=(*state("A").picks, there)), LAST))
+    seeker.submit(SearchInput(State(picks=(*state("A").picks, there)), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 1)
     assert set(seeker.proposed.outcomes) == {("3.jpg", "A")}
 
@@ -357,7 +392,7 @@ def test_a_photo_that_is_gone_is_said_and_ends_nothing(
 ) -> None:
     monkeypatch.setitem(globals(), "TARGETS", ("gone.jpg", "3.jpg"))
     seeker, _ = start(World())
-    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     assert "cannot be read" in seeker.proposed.outcomes["gone.jpg", "A"].why
     assert seeker.proposed.outcomes["3.jpg", "A"].found is not None
@@ -367,7 +402,7 @@ def test_a_photo_without_a_pose_is_searched_where_features_predict_the_pick(star
     world, picked = World(), state("A")
     world.posed, world.by_features = ("2.jpg",), TARGETS
     seeker, _ = start(world)
-    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg")))
+    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg"), is_adjusted=True))
     until(lambda: bool(world.tried))
 
     assert all(one.found is not None for one in seeker.proposed.outcomes.values())
@@ -380,7 +415,7 @@ def test_what_an_adjustment_with_the_finds_contradicts_is_not_proposed(start: St
     world.posed, world.by_features = ("2.jpg",), TARGETS
     world.contradicted = {("3.jpg", "B"): CONTRADICTED}
     seeker, told = start(world)
-    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg")))
+    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg"), is_adjusted=True))
     until(lambda: bool(told) and told[-1][1] == {"B"})
 
     assert seeker.proposed.outcomes["3.jpg", "A"].found is not None
@@ -393,9 +428,9 @@ def test_a_vague_pose_does_not_contradict_what_features_predicted_better(start: 
     world.radius_px, world.refused = 900.0, dict.fromkeys(TARGETS, RefusalReason.TOO_FAR)
     world.by_features, world.wrong = TARGETS, [("2.jpg", "A")]
     seeker, _ = start(world)
-    seeker.submit(SearchInput(picked, adjusted(picked)))
+    seeker.submit(SearchInput(picked, adjusted(picked), is_adjusted=True))
     until(lambda: bool(world.tried))
-    seeker.submit(SearchInput(picked, adjusted(picked)))
+    seeker.submit(SearchInput(picked, adjusted(picked), is_adjusted=True))
     world.places = None
     until(lambda: world.places is not None)
     time.sleep(0.02)

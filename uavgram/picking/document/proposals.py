@@ -52,6 +52,11 @@ class Outcome:
     is_asked: bool = True
     withdrawn: c.Place | None = None
 
+    @property
+    def is_fixed(self) -> bool:
+        """Whether no search for picks changes it: a person's decision, or a point of a plate."""
+        return self.is_over or self.source is None
+
 
 Outcomes = Mapping[Pair, Outcome]
 

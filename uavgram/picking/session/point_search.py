@@ -1,4 +1,8 @@
-"""Background search for picked points and targets in the other photos, newest picks first.
+"""Background search for picked points and targets in the other photos.
+
+New picks are searched at once with the last adjustment. As soon as their own adjustment exists, all
+picks are searched from the beginning, without results of earlier states: so the proposals depend on
+the picks and lengths alone, not on the order in which they were entered.
 
 Matches are proposed, never picked: a person decides. A match carries the click's error along; where
 a person picked the centre of a target, that centre is measured in the other photos instead.
@@ -7,7 +11,7 @@ a person picked the centre of a target, that centre is measured in the other pho
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,10 +58,14 @@ BATCH_SIZE = 64
 
 @dataclass(frozen=True)
 class SearchInput:
-    """Present picks, and the last full adjustment, if there is one."""
+    """Present picks, the last full adjustment, and whether it is that of these picks.
+
+    A picked state that cannot be adjusted has none.
+    """
 
     state: State
     last: LiveAdjustment | None
+    is_adjusted: bool
 
 
 class PointSearch:
@@ -79,8 +87,8 @@ class PointSearch:
         self._features = FeaturePlaces(survey.inputs)
         self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
-        # Finds and lengths of the last adjustment with finds.
-        self._tested: tuple[dict[Pair, Found], tuple[tuple[str, str, float], ...]] | None = None
+        self._outcomes: dict[Pair, Outcome] = {}  # of the present search
+        self._shown: frozenset[Pair] = frozenset()  # with an outcome before it
 
     def start(self) -> None:
         """Start the worker."""
@@ -104,44 +112,56 @@ class PointSearch:
 
     def _seek(self, wanted: SearchInput) -> None:
         self.proposed.let_go(wanted.state)
+        before = self.proposed.outcomes
+        self._shown = frozenset(before)
+        self._outcomes = {pair: one for pair, one in before.items() if one.is_fixed}
         picks, _ = make_observations(wanted.state)
+        own = {(one.label, *source_of(one)) for one in wanted.state.picks if one.source != "match"}
+        new = {label for label, *_ in own - self._known}
+        if self._seek_everywhere(wanted, picks, None if wanted.is_adjusted else new):
+            self._known = frozenset(own)
+            if wanted.is_adjusted:
+                gone = [pair for pair in before if pair not in self._outcomes]
+                self.proposed.put(self._outcomes, gone=gone)
+
+    def _seek_everywhere(
+        self, wanted: SearchInput, picks: Picks, labels: Collection[str] | None
+    ) -> bool:
+        """Search some labels, or all, in all other photos; return False if that was not finished.
+
+        First where poses predict the picks, then in photos whose pose is unknown or vague.
+        """
         last, by_log = wanted.last, self._survey.flight() is not None
-        if last is None and by_log:
-            return  # the first adjustment follows within a second
-        # First where poses predict the picks, then in photos whose pose is unknown or vague.
+        if last is None and by_log:  # nothing predicts a place yet
+            return wanted.is_adjusted
         sharp, vague = set[str](), set[str]()
-        if last is not None:
-            places = self._seek_by_poses(wanted, last, picks)
-            if places is None:
-                return
+        places = None if last is None else predict_places(self._survey, last, picks, labels)
+        if last is not None and places is not None:
+            if not self._seek_by_poses(wanted, places, picks):
+                return False
             vague = self._find_vague_photos(places)
             sharp = {*last.adjustment.survey.frame_id, *places.image} - vague
 
         def is_vague(pair: Pair) -> bool:
-            return pair[0] in vague or not (by_log or pair[0] in sharp)
+            return (pair[0] in vague or not (by_log or pair[0] in sharp)) and (
+                labels is None or pair[1] in labels
+            )
 
-        if self._seek_by_features(wanted, picks, is_vague) and last is not None:
-            self._seek_by_finds(wanted, last, picks, is_vague)
+        if not self._seek_by_features(wanted, picks, is_vague):
+            return False
+        return last is None or self._seek_by_finds(wanted, last, picks, labels, is_vague)
 
-    def _seek_by_poses(
-        self, wanted: SearchInput, last: LiveAdjustment, picks: Picks
-    ) -> AdjustedPlaces | None:
-        """Search where an adjustment predicts picks; return None if that was not finished."""
-        own = {(one.label, *source_of(one)) for one in wanted.state.picks if one.source != "match"}
-        new = {label for label, *_ in own - self._known}
-        places = None
-        for labels in [new, None] if new else [None]:
-            places = predict_places(self._survey, last, picks, labels)
-            if places is None or not self._look(places, wanted, picks):
-                return None
-            self._withdraw(places)
-            self._withdraw_raised(places, picks)
-        self._known = frozenset(own)
-        return places
+    def _seek_by_poses(self, wanted: SearchInput, places: AdjustedPlaces, picks: Picks) -> bool:
+        """Search where an adjustment predicts picks; return False if that was not finished."""
+        if not self._look(places, wanted, picks):
+            return False
+        self._withdraw(places)
+        self._withdraw_raised(places, picks)
+        return True
 
     def _find_vague_photos(self, places: PredictedPlaces) -> set[str]:
         """Return photos with a large region in which nothing was found as predicted."""
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         large, found = set[str](), set[str]()
         for row, pair in enumerate(zip(places.image, places.label, strict=True)):
             if places.radius_px[row] > MAX_RADIUS_PX:
@@ -155,7 +175,7 @@ class PointSearch:
         self, wanted: SearchInput, picks: Picks, is_vague: Callable[[Pair], bool]
     ) -> bool:
         """Search where features predict picks; return False if that was not finished."""
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
 
         def is_wanted(pair: Pair) -> bool:
             return is_vague(pair) and (pair not in outcomes or outcomes[pair].found is None)
@@ -171,17 +191,18 @@ class PointSearch:
         wanted: SearchInput,
         last: LiveAdjustment,
         picks: Picks,
+        labels: Collection[str] | None,
         is_vague: Callable[[Pair], bool],
-    ) -> None:
+    ) -> bool:
         """Test finds in photos without a good pose by an adjustment, and search what it predicts.
 
-        With these finds the photos have a pose.
+        With these finds the photos have a pose. Return False if that was not finished.
         """
         observed = last.observed.picks
         keys = zip(observed.label, observed.image, *observed.pixel_px.T.tolist(), strict=True)
         number = {key: i for i, key in enumerate(keys)}
         picked = {pick.key for pick in wanted.state.picks}
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         found = {
             pair: _as_find(number[pair[1], *one.source], one.found, one.radius_px)
             for pair, one in outcomes.items()
@@ -190,23 +211,16 @@ class PointSearch:
             and pair not in picked
             and (pair[1], *one.source) in number
         }
-        lines = last.observed.lines
-        known = tuple(zip(lines.start, lines.end, lines.length_m.tolist(), strict=True))
-        if (found, known) == self._tested or not any(map(is_vague, found)):
-            return
+        if not any(map(is_vague, found)):
+            return True
         try:
             adjusted, contradicted = self._survey.adjust_with_finds(last, found)
         except (SingularError, UavgramError):  # they do not determine the poses
-            self._tested = found, known
-            return
-        self.proposed.put(
-            {
-                pair: replace(outcomes[pair], found=None, why=why)
-                for pair, why in contradicted.items()
-            }
-        )
-        if self._seek_by_poses(wanted, adjusted, picks) is not None:
-            self._tested = found, known
+            return True
+        for pair, why in contradicted.items():
+            outcomes[pair] = replace(outcomes[pair], found=None, why=why)
+        places = predict_places(self._survey, adjusted, picks, labels)
+        return places is None or self._seek_by_poses(wanted, places, picks)
 
     def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> bool:
         """Search unknown places; return False if newer work arrived before the end."""
@@ -223,7 +237,7 @@ class PointSearch:
         """Withdraw proposals that other matches in the same photo contradict."""
         at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
         by_photo: dict[str, dict[Pair, c.Place]] = {}
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         for pair, one in outcomes.items():
             if (
                 one.found is not None
@@ -238,16 +252,15 @@ class PointSearch:
             sigma = np.array([one.sigma_px for one in own.values()], dtype=np.float64)
             out = places.mark_contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
             wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
-        self.proposed.put(
-            {pair: replace(outcomes[pair], found=None, why=CONTRADICTED) for pair in wrong}
-        )
+        for pair in wrong:
+            outcomes[pair] = replace(outcomes[pair], found=None, why=CONTRADICTED)
 
     def _withdraw_raised(self, places: AdjustedPlaces, picks: Picks) -> None:
         """Withdraw proposals on the ground of labels that are more likely off it.
 
         They remain evidence, and are proposed again once they show the label on the ground.
         """
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         keys = zip(picks.label, picks.image, *picks.pixel_px.T.tolist(), strict=True)
         number = {key: i for i, key in enumerate(keys)}
         results: dict[Pair, Found | Missed] = {}
@@ -260,19 +273,17 @@ class PointSearch:
                 results[pair] = Missed(pick, one.radius_px, one.why)
         record = Record().add_results(results)
         raised = places.find_raised_labels(self._survey, picks, record)
-        changed: dict[Pair, Outcome] = {}
         for pair in record.found:
             one = outcomes[pair]
             if pair[1] in raised and one.found is not None:
-                changed[pair] = replace(one, found=None, why=OFF_GROUND, withdrawn=one.found)
+                outcomes[pair] = replace(one, found=None, why=OFF_GROUND, withdrawn=one.found)
             elif pair[1] not in raised and one.withdrawn is not None:
-                changed[pair] = replace(one, found=one.withdrawn, why="", withdrawn=None)
-        self.proposed.put(changed)
+                outcomes[pair] = replace(one, found=one.withdrawn, why="", withdrawn=None)
 
     def _unknown(self, places: PredictedPlaces, state: State) -> Ints:
         """Return the rows (n,) of places to search, the best predicted first."""
         picked = {pick.key for pick in state.picks}
-        outcomes, rows = self.proposed.outcomes, []
+        outcomes, rows = self._outcomes, []
         for row, pair in enumerate(zip(places.image, places.label, strict=True)):
             if pair not in picked and _is_open(outcomes.get(pair), places, row):
                 rows.append(row)
@@ -347,7 +358,9 @@ class PointSearch:
                 alike = self._likeness(place, turn) >= MIN_CORRELATION
                 own = self._targets.target_at(place, turn)
                 new[image, label] = replace(outcome, found=own, is_alike=alike)
-        self.proposed.put(new, left, always=True)
+        self._outcomes |= new
+        shown = {pair: one for pair, one in new.items() if pair not in self._shown}
+        self.proposed.put(shown, left, always=True)
 
     def _likeness(self, place: c.Place, affine: Floats) -> float:
         """Return the worst correlation of the surroundings of a match and its pick, -1 to 1."""
@@ -375,7 +388,7 @@ def _is_open(outcome: Outcome | None, places: PredictedPlaces, row: int) -> bool
     """Return whether to search a place: for the first time, or since it is far better predicted."""
     if outcome is None:
         return True
-    if outcome.is_over or (outcome.source is None and outcome.found is not None):
+    if outcome.is_fixed:
         return False
     if outcome.found is not None:
         here = outcome.found.u_px, outcome.found.v_px

@@ -107,6 +107,7 @@ class PickSession:
         self._live = AdjustmentWorkers(survey, self.index, self._publish_adjustment)
         self._search = Searches(survey, self._sought)
         self._is_resting = True  # no step is unfinished
+        self._adjusted_version = -1  # of the state that was adjusted last, or could not be
 
     @property
     def output(self) -> str:
@@ -123,7 +124,7 @@ class PickSession:
         self._tiled.read_ahead(self._find_most_picked_photo())
         self._live.start()
         self._search.start()
-        self._search.submit(SearchInput(self.state, None))
+        self._search.submit(self._search_input())
         self._live.submit(Task(self.version, self.state, final=True))
 
     def _find_most_picked_photo(self) -> int:
@@ -247,7 +248,7 @@ class PickSession:
         self.session = after
         self._is_resting = message.final
         if message.final:
-            self._search.submit(SearchInput(after.state, self._live.last))
+            self._search.submit(self._search_input())
         return {
             "t": "changed",
             "seq": message.seq,
@@ -258,7 +259,7 @@ class PickSession:
     def refuse(self, action: c.Refuse) -> None:
         """Refuse some proposals, or search for refused ones again."""
         if action.is_taken_back:
-            self._search.reopen(action.pairs, SearchInput(self.state, self._live.last))
+            self._search.reopen(action.pairs, self._search_input())
         else:
             self._search.refuse(action.pairs)
 
@@ -350,9 +351,15 @@ class PickSession:
 
     def _publish_adjustment(self, version: int, found: m.Adjustment) -> None:
         answer = cast("m.Live", {"t": "live", "for": version, **found})
-        if answer["mode"] != "linearised":
+        is_full = answer["mode"] != "linearised"
+        if is_full:
             answer["expected"] = self._predict_places()
             self._last_message = answer
+            self._adjusted_version = version
         self._broadcast(answer)
-        if found["mode"] == "adjusted" and self._is_resting:  # a drag has the cores for itself
-            self._search.submit(SearchInput(self.state, self._live.last))
+        if is_full and self._is_resting:  # a drag has the cores for itself
+            self._search.submit(self._search_input())
+
+    def _search_input(self) -> SearchInput:
+        """Return the present picks, the last adjustment, and whether it is theirs."""
+        return SearchInput(self.state, self._live.last, self._adjusted_version == self.version)
