@@ -351,13 +351,12 @@ class PickSession:
 
     def _publish_adjustment(self, version: int, found: m.Adjustment) -> None:
         answer = cast("m.Live", {"t": "live", "for": version, **found})
-        is_full = answer["mode"] != "linearised"
-        if is_full:
+        if answer["mode"] != "linearised":
             answer["expected"] = self._predict_places()
             self._last_message = answer
             self._adjusted_version = version
         self._broadcast(answer)
-        if is_full and self._is_resting:  # a drag has the cores for itself
+        if answer["mode"] != "linearised" and self._is_resting:  # a drag has the cores for itself
             self._search.submit(self._search_input())
 
     def _search_input(self) -> SearchInput:
