@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from opened_pages import PageOpener
-from picking_pages import Counted, eventually, to_page, wait_until_adjusted
+from picking_pages import Counted, eventually, to_page
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
@@ -43,20 +43,22 @@ BESIDE_PX = 10.0
 """From the mark of a point that is meant to the click, on the screen: the page asks."""
 
 ON_BEACH = (
-    ((1334, 1894), (1283, 1063)),
-    ((1343, 1367), (1280, 532)),
-    ((1967, 1104), (1901, 260)),
-    ((2016, 1914), (1967, 1079)),
-    ((2350, 1436), (2294, 601)),
-    ((2469, 1947), (2421, 1118)),
-    ((2604, 1700), (2553, 866)),
-    ((2959, 1058), (2898, 217)),
+    ((1684, 1723), (1630, 886), (-5.396, -10.235, 0.925)),
+    ((2025, 1480), (1967, 640), (0.432, -6.114, 0.621)),
+    ((1986, 1097), (1920, 253), (-0.239, 0.467, 0.695)),
+    ((2746, 1125), (2685, 283), (13.058, -0.007, -0.007)),
+    ((2887, 1545), (2834, 707), (15.616, -7.398, -0.123)),
+    ((2577, 2169), (2533, 1334), (10.120, -18.307, 0.142)),
+    ((2971, 1637), (2919, 800), (17.155, -9.047, -0.207)),
+    ((3029, 998), (2967, 156), (18.176, 2.240, -0.264)),
 )
-"""Distinct things on the beach in two photos, as a person chooses them: features that a homography
-maps to each other."""
+"""Distinct things on the beach in two photos, as a person chooses them, and where they are [m].
 
-BEACH_M_A_PX = 40.0 / 2286
-"""Size of a pixel on the ground [m]: height over take-off of the tags, by the focal length [px]."""
+A bundle adjustment by other means: 772 corners matched in two or all three photos (OpenCV: corners,
+correlation of patches warped by the ground), poses, lens and points by scipy, residuals 0.2 px.
+The photos name no better scale than their heights over take-off, 40 m. The ground there has a slope
+of 2.9 degrees, and these points are within 4 cm of one plane.
+"""
 
 ASKED = 2
 """Clicks beside the mark that is meant."""
@@ -124,9 +126,13 @@ def street(truth: Truth) -> tuple[Scene, list[str]]:
 
 
 def beach() -> Scene:
-    here, there = (list(points) for points in zip(*ON_BEACH, strict=True))
-    taped = [BEACH_M_A_PX * math.dist(here[k], here[k + 1]) for k in (0, 2, 4, 6)]
+    here, there = ([point[k] for point in ON_BEACH] for k in (0, 1))
+    taped = [length_on_beach(k, k + 1) for k in (0, 2, 4, 6)]
     return Scene(("DJI_0025.JPG", "DJI_0026.JPG"), here, there, taped)
+
+
+def length_on_beach(start: int, end: int) -> float:
+    return math.dist(ON_BEACH[start][2], ON_BEACH[end][2])
 
 
 def length(truth: Truth, ends: Sequence[str]) -> float:
@@ -166,24 +172,29 @@ def lacking(scene: Scene, server: Served) -> list[str]:
 def take_over(page: Page, does: Counted, scene: Scene, server: Served) -> int:
     """Look at the pictures of what was found in other photos, accept all, and write.
 
-    What was found in none is clicked first, in the second one: its number is returned.
+    What was found in none is clicked in the second one, until the program finds the rest: the
+    number of these points is returned.
     """
-    search = server.picking._search
-    wanted = [(scene.photos[1], label) for label in lacking(scene, server)]
+    missed = 0
     eventually(page, lambda: len(server.picking.state.requests) >= len(WANTED) - 1)
-    eventually(page, lambda: all(one in search.outcomes for one in wanted))
-    wait_until_adjusted(page)
-    expect(page.locator("#panel")).not_to_contain_text("Still looking")
-    found = {label for (_, label), one in search.outcomes.items() if one.found}
-    missed = [label for _, label in wanted if label not in found]
-    for name in missed:
+    while (name := find_missed(page, scene, server)) is not None:
         click_there(page, does, scene, name)
+        missed += 1
     check_pictures(page, scene)
     does.press(page.locator("button[name=accept-export]"))
     eventually(page, lambda: not lacking(scene, server))
     eventually(page, lambda: len(server.picking.state.requests) == len(WANTED))
     assert [one.kind for one in server.picking.state.requests] == ["distance"] * len(WANTED)
-    return len(missed)
+    return missed
+
+
+def find_missed(page: Page, scene: Scene, server: Served) -> str | None:
+    """Wait until all was searched; return the first point that was found in no other photo."""
+    picking = server.picking
+    eventually(page, lambda: picking._search.searched == picking.version)
+    expect(page.locator("#panel")).not_to_contain_text("still looking")
+    found = {label for (_, label), one in picking._search.outcomes.items() if one.found}
+    return next((label for label in lacking(scene, server) if label not in found), None)
 
 
 def check_pictures(page: Page, scene: Scene) -> None:
@@ -298,7 +309,7 @@ def test_two_projects_one_after_another_without_a_file_or_a_terminal(
         result = check_report(page, home.joinpath(*CASES, BEACH))
         assert told("DJI photos", does) <= MOST
         assert not missed
-        wanted = [BEACH_M_A_PX * math.dist(ON_BEACH[a][0], ON_BEACH[b][0]) for a, b in WANTED]
+        wanted = [length_on_beach(*ends) for ends in WANTED]
         found = result.measurements
         assert (abs(found.value - wanted) < 3.5 * found.sigma).all()
         assert not open_page.errors

@@ -58,7 +58,7 @@ BATCH_SIZE = 64
 
 @dataclass(frozen=True)
 class SearchInput:
-    """Present picks, the last full adjustment, and whether it is that of these picks.
+    """Present picks, the last full adjustment, whether it is theirs, and the state's number.
 
     A picked state that cannot be adjusted has none.
     """
@@ -66,6 +66,12 @@ class SearchInput:
     state: State
     last: LiveAdjustment | None
     is_adjusted: bool
+    version: int = 0
+
+    @property
+    def observed(self) -> tuple[object, ...]:
+        """Picks and lengths, of which the proposals depend."""
+        return self.state.picks, self.state.lines
 
 
 class PointSearch:
@@ -87,6 +93,8 @@ class PointSearch:
         self._features = FeaturePlaces(survey.inputs)
         self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
+        # Picks, lengths and outcomes of the last finished search.
+        self._finished: tuple[object, ...] = ()
         self._outcomes: dict[Pair, Outcome] = {}  # of the present search
         self._shown: frozenset[Pair] = frozenset()  # with an outcome before it
 
@@ -102,27 +110,42 @@ class PointSearch:
         """End after the current photo."""
         self._newest.stop()
 
+    def _is_outdated(self, wanted: SearchInput) -> bool:
+        """Return whether there are newer picks or lengths, or their own adjustment, or the end."""
+        newest = self._newest.task or wanted
+        is_newer = newest.observed != wanted.observed or newest.is_adjusted > wanted.is_adjusted
+        return is_newer or self._newest.is_over
+
     def _work(self) -> None:
         wanted: SearchInput | None = None
         while (wanted := self._newest.newer(wanted)) is not None:
+            is_finished = True
             try:
-                self._seek(wanted)
+                is_finished = self._seek(wanted)
             except Exception:  # a bug here must not end the worker: picking goes on
                 log.exception("the search in other photos failed")
+            if is_finished and wanted.is_adjusted:
+                self.proposed.put({}, searched=wanted.version)
 
-    def _seek(self, wanted: SearchInput) -> None:
+    def _seek(self, wanted: SearchInput) -> bool:
+        """Search for picks in the other photos; return False if that was not finished."""
         self.proposed.let_go(wanted.state)
         before = self.proposed.outcomes
         self._shown = frozenset(before)
         self._outcomes = {pair: one for pair, one in before.items() if one.is_fixed}
+        if (*wanted.observed, before) == self._finished:
+            return True
         picks, _ = make_observations(wanted.state)
         own = {(one.label, *source_of(one)) for one in wanted.state.picks if one.source != "match"}
         new = {label for label, *_ in own - self._known}
-        if self._seek_everywhere(wanted, picks, None if wanted.is_adjusted else new):
-            self._known = frozenset(own)
-            if wanted.is_adjusted:
-                gone = [pair for pair in before if pair not in self._outcomes]
-                self.proposed.put(self._outcomes, gone=gone)
+        if not self._seek_everywhere(wanted, picks, None if wanted.is_adjusted else new):
+            return False
+        self._known = frozenset(own)
+        if wanted.is_adjusted:
+            gone = [pair for pair in before if pair not in self._outcomes]
+            self.proposed.put(self._outcomes, gone=gone)
+            self._finished = *wanted.observed, self._outcomes
+        return True
 
     def _seek_everywhere(
         self, wanted: SearchInput, picks: Picks, labels: Collection[str] | None
@@ -180,11 +203,9 @@ class PointSearch:
         def is_wanted(pair: Pair) -> bool:
             return is_vague(pair) and (pair not in outcomes or outcomes[pair].found is None)
 
-        predicted = self._features.predict(
-            picks, is_wanted, lambda: self._newest.is_outdated(wanted)
-        )
+        predicted = self._features.predict(picks, is_wanted, lambda: self._is_outdated(wanted))
         done = all(self._look(places, wanted, picks) for places in predicted)
-        return done and not self._newest.is_outdated(wanted)
+        return done and not self._is_outdated(wanted)
 
     def _seek_by_finds(
         self,
@@ -224,14 +245,11 @@ class PointSearch:
 
     def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> bool:
         """Search unknown places; return False if newer work arrived before the end."""
-        rows = self._unknown(places, wanted.state)
-        left = len(rows)
-        for some in self._batches(places, rows):
-            if self._newest.is_outdated(wanted):
+        for some in self._batches(places, self._unknown(places, wanted.state)):
+            if self._is_outdated(wanted):
                 return False
-            left -= len(some)
-            self._take(places, some, picks, self._search_places(places, some, picks), left)
-        return not self._newest.is_outdated(wanted)
+            self._take(places, some, picks, self._search_places(places, some, picks))
+        return not self._is_outdated(wanted)
 
     def _withdraw(self, places: AdjustedPlaces) -> None:
         """Withdraw proposals that other matches in the same photo contradict."""
@@ -313,7 +331,7 @@ class PointSearch:
             return f"the photo cannot be read: {why}"
 
     def _take(
-        self, places: PredictedPlaces, rows: Ints, picks: Picks, found: Matches | str, left: int
+        self, places: PredictedPlaces, rows: Ints, picks: Picks, found: Matches | str
     ) -> None:
         """Store and report the results at some places (n,).
 
@@ -325,8 +343,6 @@ class PointSearch:
             Picks that were searched for.
         found
             Matches there, or the reason why none could be searched.
-        left
-            Number of places still to be searched.
         """
         new, stated = {}, _compute_pick_sigmas(found, places.is_raised[rows])
         for k, row in enumerate(rows.tolist()):
@@ -359,8 +375,7 @@ class PointSearch:
                 own = self._targets.target_at(place, turn)
                 new[image, label] = replace(outcome, found=own, is_alike=alike)
         self._outcomes |= new
-        shown = {pair: one for pair, one in new.items() if pair not in self._shown}
-        self.proposed.put(shown, left, always=True)
+        self.proposed.put({pair: one for pair, one in new.items() if pair not in self._shown})
 
     def _likeness(self, place: c.Place, affine: Floats) -> float:
         """Return the worst correlation of the surroundings of a match and its pick, -1 to 1."""
