@@ -226,7 +226,7 @@ class PointSearch:
         outcomes = self._outcomes
         found = {
             pair: _as_find(number[pair[1], *one.source], one.found, one.radius_px)
-            for pair, one in outcomes.items()
+            for pair, one in sorted(outcomes.items())  # the order of their search varies
             if one.found is not None
             and one.source is not None
             and pair not in picked
