@@ -46,7 +46,9 @@ APART_PX = 80.0
 BESIDE_PX = 10.0
 """From the mark of a point that is meant to the click, on the screen: the page asks."""
 
-ON_BEACH = (
+Pixel = tuple[float, float]
+
+ON_BEACH: tuple[tuple[Pixel, Pixel, tuple[float, float, float]], ...] = (
     ((1824, 1740), (1771, 903), (-2.803, -9.859, 0.294)),
     ((2138, 1429), (2079, 590), (2.415, -4.722, 0.063)),
     ((1986, 1097), (1920, 253), (-0.121, 0.821, 0.216)),
@@ -132,7 +134,7 @@ def street(truth: Truth) -> tuple[Scene, list[str]]:
 
 
 def beach() -> Scene:
-    here, there = ([point[k] for point in ON_BEACH] for k in (0, 1))
+    here, there = [one for one, _, _ in ON_BEACH], [one for _, one, _ in ON_BEACH]
     taped = [length_on_beach(k, k + 1) for k in (0, 2, 4, 6)]
     return Scene(("DJI_0025.JPG", "DJI_0026.JPG"), here, there, taped)
 

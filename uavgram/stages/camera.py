@@ -187,9 +187,8 @@ def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | N
     focal_px = [focal_mm / pitch * reduction for pitch in camera.pitch_mm]
     parameters = np.array([*focal_px, *_centre(tags), *camera.distortion])
     # Whether the camera has removed the distortion from its photos is not known.
-    k1, k2, _, _, k3 = np.abs(camera.distortion).tolist()
-    radial = tuple(map(math.hypot, DRONE_TABLE.radial, (k1, k2, k3)))
-    errors = replace(DRONE_TABLE, radial=radial)
+    k1, k2, k3 = np.hypot(DRONE_TABLE.radial, camera.distortion[[0, 1, 4]]).tolist()
+    errors = replace(DRONE_TABLE, radial=(k1, k2, k3))
     if math.isfinite(tags.focal_step_mm):  # the step's own error is uniform
         rounding = tags.focal_step_mm / focal_mm / math.sqrt(12)
         errors = replace(errors, focal=math.hypot(errors.focal, rounding))

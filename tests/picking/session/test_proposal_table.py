@@ -184,9 +184,9 @@ def tilted(tmp_path_factory: pytest.TempPathFactory) -> Textured:
 
 
 ENDS = [("P1", "P2"), ("P3", "P4"), ("P5", "P6"), ("P2", "P4")]
-PICKS = [("place", label) for label in LABELS]
-LINES = [("line", name) for name in ENDS]
-ORDERS = {
+PICKS: list[tuple[str, Any]] = [("place", label) for label in LABELS]
+LINES: list[tuple[str, Any]] = [("line", name) for name in ENDS]
+ORDERS: dict[str, list[tuple[str, Any]]] = {
     "points first": [*PICKS, *LINES],
     "backwards": [*PICKS[::-1], *LINES[::-1]],
     "each length at once": [
