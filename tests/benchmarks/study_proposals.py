@@ -123,14 +123,14 @@ def proposed(project: Path, *, accept: bool = False) -> Outcomes:
     survey = LiveSurvey.open(project)
     state = make_state(survey.inputs.picks, survey.inputs.lines, survey.inputs.requests)
     searches = Searches(survey, lambda *_: None)
-    wanted = SearchInput(state, adjust(survey, state))
+    wanted = SearchInput(state, adjust(survey, state), is_adjusted=True)
     searches._seeker.submit(wanted)
     searches._seeker._seek(wanted)
     sure = select_certain(searches.outcomes)
     if accept and sure:
         more = make_accept_command(searches.outcomes, state, sorted(sure))
         state = apply_change(state, more)
-        again = SearchInput(state, adjust(survey, state))
+        again = SearchInput(state, adjust(survey, state), is_adjusted=True)
         searches._seeker.submit(again)
         searches._seeker._seek(again)
     return searches.outcomes

@@ -90,6 +90,7 @@ def test_the_table_gives_the_focal_length_of_a_whole_frame() -> None:
     # 4.73 mm over a pixel of 6.32692 / 4000 mm
     assert camera.parameters[0] == pytest.approx(4.73 / 6.32692 * 4000)
     assert camera.parameters[4] == 0.032984
+    assert sigma_of(camera)[4] == pytest.approx(math.hypot(0.02, 0.032984))  # perhaps removed
     assert sigma_of(camera)[0] / camera.parameters[0] == pytest.approx(0.02, rel=0.01)
     assert re.search(r"from 2\.0 % down to some 0\.2 %", messages[0].text)
     assert [m.code for m in messages] == ["camera-assumed"]

@@ -186,7 +186,9 @@ def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | N
     reduction = tags.width_px / camera.width_px
     focal_px = [focal_mm / pitch * reduction for pitch in camera.pitch_mm]
     parameters = np.array([*focal_px, *_centre(tags), *camera.distortion])
-    errors = DRONE_TABLE
+    # Whether the camera has removed the distortion from its photos is not known.
+    k1, k2, k3 = np.hypot(DRONE_TABLE.radial, camera.distortion[[0, 1, 4]]).tolist()
+    errors = replace(DRONE_TABLE, radial=(k1, k2, k3))
     if math.isfinite(tags.focal_step_mm):  # the step's own error is uniform
         rounding = tags.focal_step_mm / focal_mm / math.sqrt(12)
         errors = replace(errors, focal=math.hypot(errors.focal, rounding))

@@ -20,17 +20,18 @@ from uavgram.imaging.matching.least_squares import REASON_TEXTS, Matches, Refusa
 from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.observations import Picks
+from uavgram.model.observations import MeasurementRequest, Picks
 from uavgram.picking.document.commands import Place
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
-from uavgram.picking.document.state import Pick, State
+from uavgram.picking.document.state import Line, Pick, State
 from uavgram.picking.session import point_search as module
 from uavgram.picking.session.point_search import OFF_GROUND, PickedTargets, PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.workers import collect_observations
 from uavgram.pipeline.match.patch_search import Photos, Task
+from uavgram.pipeline.match.predicted_places import PredictedPlaces
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces
+from uavgram.pipeline.pick.places import AdjustedPlaces
 from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair, Record
 
 LONGEST_WAIT_S = 20.0
@@ -144,6 +145,8 @@ class World:
             places = self.predicted(picks, None, wanted)
             yield replace(places, radius_px=np.full(len(places), 5.0))
 
+    inputs = None
+
     def flight(self) -> object:
         return None
 
@@ -193,7 +196,7 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
         told: Told = []
         photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
         survey = cast("LiveSurvey", world)
-        proposed = ProposalTable(lambda all_, of, left: told.append((all_, set(of), left)))
+        proposed = ProposalTable(lambda all_, of, number: told.append((all_, set(of), number)))
         one = PointSearch(survey, photos, proposed)
         one.start()
         running.append((one, photos))
@@ -203,6 +206,22 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     for one, photos in running:
         one.stop()
         photos.stop()
+
+
+def search(seeker: PointSearch, picked: State, last: LiveAdjustment | None = LAST) -> Outcomes:
+    """Outcomes when the search with the picks' own adjustment is finished."""
+    number = seeker.proposed.searched + 1
+    seeker.submit(SearchInput(picked, last, is_adjusted=True, version=number))
+    until(lambda: seeker.proposed.searched == number)
+    return seeker.proposed.outcomes
+
+
+def list_changed_labels(told: Told) -> list[set[str]]:
+    return [labels for _, labels, _ in told if labels]
+
+
+def list_reasons(seeker: PointSearch) -> list[str]:
+    return [one.why for one in seeker.proposed.outcomes.values()]
 
 
 def until(holds: Callable[[], bool]) -> None:
@@ -218,9 +237,8 @@ def test_a_point_that_is_probably_not_on_the_ground_is_asked_for_and_not_propose
     world = World()
     world.off_ground = ("A",)
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A", "B"), LAST))
-    until(lambda: [one.why for one in seeker.proposed.outcomes.values()].count(OFF_GROUND) == 2)
-    found = {pair for pair, one in seeker.proposed.outcomes.items() if one.found is not None}
+    outcomes = search(seeker, state("A", "B"))
+    found = {pair for pair, one in outcomes.items() if one.found is not None}
 
     assert found == {("2.jpg", "B"), ("3.jpg", "B")}
 
@@ -229,11 +247,11 @@ def test_withdrawn_matches_remain_evidence_and_come_back_with_it(start: Start) -
     world = World()
     world.off_ground = ("A",)
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
-    until(lambda: [one.why for one in seeker.proposed.outcomes.values()].count(OFF_GROUND) == 2)
+    search(seeker, state("A"))
+    assert list_reasons(seeker) == [OFF_GROUND] * 2
     world.off_ground = ()
-    seeker.submit(SearchInput(state("A", "B"), LAST))
-    until(lambda: sum(one.found is not None for one in seeker.proposed.outcomes.values()) == 4)
+    outcomes = search(seeker, state("A", "B"))
+    assert all(one.found is not None for one in outcomes.values())
 
     assert {pair for pair in Agreeing.seen[-1] if pair[1] == "A"} == {
         ("2.jpg", "A"),
@@ -245,23 +263,20 @@ def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: 
     world = World()
     world.refused = {"3.jpg": RefusalReason.NOT_UNIQUE}
     seeker, told = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 2)
-    found, asked = seeker.proposed.outcomes["2.jpg", "A"], seeker.proposed.outcomes["3.jpg", "A"]
+    outcomes = search(seeker, state("A"))
+    found, asked = outcomes["2.jpg", "A"], outcomes["3.jpg", "A"]
     assert found.found is not None
     assert (found.found.source, found.found.sigma_px, found.found.from_u_px) == ("match", 0.06, 10)
     assert (asked.found, asked.why) == (None, REASON_TEXTS[RefusalReason.NOT_UNIQUE])
-    until(lambda: bool(told) and told[-1][2] == 0)
-    assert told[-1][1] == {"A"}
+    assert list_changed_labels(told) == [{"A"}] * 2
+    assert told[-1] == (outcomes, set(), 0)
 
 
 def test_what_stands_off_the_ground_is_known_less_well(start: Start) -> None:
     world = World()
     world.raised = ("A",)
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 2)
-    found = seeker.proposed.outcomes["2.jpg", "A"].found
+    found = search(seeker, state("A"))["2.jpg", "A"].found
 
     assert found is not None
     assert found.sigma_px == pytest.approx(np.hypot(0.06, RAISED_PX), abs=1e-4)
@@ -273,43 +288,97 @@ def test_it_is_kept_whether_all_that_surrounds_a_find_is_alike(
     likeness = iter([0.79, 0.81])
     monkeypatch.setattr(module, "compute_worst_quarter_correlation", lambda *_: next(likeness))
     seeker, _ = start(World())
-    seeker.submit(SearchInput(state("A"), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 2)
+    outcomes = search(seeker, state("A"))
 
-    assert sorted(one.is_alike for one in seeker.proposed.outcomes.values()) == [False, True]
+    assert sorted(one.is_alike for one in outcomes.values()) == [False, True]
 
 
 def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start) -> None:
     world = World()
     world.wrong = [("2.jpg", "B")]
     seeker, told = start(world)
-    seeker.submit(SearchInput(state("A", "B"), LAST))
-    until(lambda: bool(told) and told[-1][1] == {"B"})
-    assert seeker.proposed.outcomes["2.jpg", "B"].why == CONTRADICTED
-    assert seeker.proposed.outcomes["2.jpg", "B"].found is None
-    assert seeker.proposed.outcomes["3.jpg", "B"].found is not None
+    outcomes = search(seeker, state("A", "B"))
+    assert list_changed_labels(told)[-1] == {"B"}
+    assert outcomes["2.jpg", "B"].why == CONTRADICTED
+    assert outcomes["2.jpg", "B"].found is None
+    assert outcomes["3.jpg", "B"].found is not None
 
 
-def test_nothing_is_looked_at_twice_until_far_more_is_known(start: Start) -> None:
+def seek_without_poses(
+    world: World, seeker: PointSearch, picked: State, off_ground: Sequence[str]
+) -> Outcomes:
+    """Outcomes for some picks, by features alone and then by an adjustment with the finds."""
+    world.posed, world.by_features, world.off_ground = (), TARGETS, tuple(off_ground)
+    return search(seeker, picked, adjusted(picked))
+
+
+@pytest.mark.parametrize("before", [("B",), ("A", "B")])
+def test_proposals_do_not_depend_on_the_order_of_the_picks(
+    start: Start, before: tuple[str, ...]
+) -> None:
+    length = Line(name="L1", start="A", end="B", length_m=5.0, sigma_m=0.01)
+    picked, world = replace(state("A", "B"), lines=(length,)), World()
+    at_once = seek_without_poses(world, start(world)[0], picked, ())
     world = World()
-    world.refused = {"3.jpg": RefusalReason.TOO_FAR}
     seeker, _ = start(world)
-    for radius, looked in ((20.0, 2), (15.0, 2), (8.0, 3)):
-        world.radius_px, world.places = radius, None
-        seeker.submit(SearchInput(state("A"), LAST))
-        until(lambda: world.places is not None)
-        until(lambda n=looked: len(world.looked) >= n)  # type: ignore[misc]
-        time.sleep(0.02)
-        assert len(world.looked) == looked
+    # An earlier adjustment, without the length, took its labels for points off the ground.
+    seek_without_poses(world, seeker, state(*before), before)
+
+    assert seek_without_poses(world, seeker, picked, ()) == at_once
+
+
+def test_with_an_older_adjustment_only_new_picks_are_sought_and_none_withdrawn(
+    start: Start,
+) -> None:
+    world = World()
+    seeker, _ = start(world)
+    search(seeker, state("A"))
+    world.off_ground = ("A",)
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=False))
+    until(lambda: list_reasons(seeker) == [""] * 4)
+    search(seeker, state("A", "B"))
+    assert list_reasons(seeker).count(OFF_GROUND) == 2
+
+    assert len(world.looked) == 2 + 2 + 4
+
+
+def test_nothing_is_searched_again_for_the_same_picks_and_lengths(start: Start) -> None:
+    world = World()
+    seeker, _ = start(world)
+    before = search(seeker, state("A"))
+    looked = len(world.looked)
+    distance = MeasurementRequest(name="D1", kind="distance", points=("A", "B"))
+
+    assert search(seeker, replace(state("A"), requests=(distance,))) == before
+    assert len(world.looked) == looked
+
+
+def test_what_is_taken_back_is_searched_again(start: Start) -> None:
+    world = World()
+    seeker, _ = start(world)
+    before = search(seeker, state("A"))
+    search(seeker, state("A", u=12.0))
+
+    assert search(seeker, state("A")) == before
+    seeker.proposed.refuse([("2.jpg", "A")])
+    seeker.proposed.reopen([("2.jpg", "A")])
+    assert search(seeker, state("A")) == before
+
+
+def test_a_fault_of_the_search_ends_it(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    seeker, _ = start(World())
+    monkeypatch.setattr(module, "search_places", lambda *_: 1 / 0)
+
+    assert not search(seeker, state("A"))
 
 
 def test_newer_picks_are_not_waited_for(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
     world.go_on.clear()
-    seeker.submit(SearchInput(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True))
     world.begun.wait(LONGEST_WAIT_S)
-    seeker.submit(SearchInput(state("A", "B", "C", u=99.0), LAST))
+    seeker.submit(SearchInput(state("A", "B", "C", u=99.0), LAST, is_adjusted=True))
     world.go_on.set()
     until(lambda: len(seeker.proposed.outcomes) == 6)
     assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.proposed.outcomes.values())
@@ -318,35 +387,29 @@ def test_newer_picks_are_not_waited_for(start: Start) -> None:
 
 def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
     seeker, told = start(World())
-    seeker.submit(SearchInput(state("A"), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 2)
-    seeker.submit(SearchInput(state("B"), None))
-    until(lambda: not seeker.proposed.outcomes)
-    assert told[-1][:2] == ({}, {"A"})
+    search(seeker, state("A"))
+    assert not search(seeker, state("B"), None)
+    assert list_changed_labels(told)[-1] == {"A"}
 
 
 def test_what_is_refused_is_not_proposed_again(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
-    seeker.submit(SearchInput(state("A"), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 2)
+    search(seeker, state("A"))
     seeker.proposed.refuse([("2.jpg", "A")])
     world.radius_px = 1.0
-    seeker.submit(SearchInput(state("A"), LAST))
-    seeker.submit(SearchInput(state("A", "B"), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 4)
-    assert seeker.proposed.outcomes["2.jpg", "A"].why == BY_HAND
-    assert seeker.proposed.outcomes["2.jpg", "A"].found is None
-    assert len(world.looked) == 4  # nor looked at
+    outcomes = search(seeker, state("A", "B"))
+    assert outcomes["2.jpg", "A"].why == BY_HAND
+    assert outcomes["2.jpg", "A"].found is None
+    photos = [photo for photo, _ in world.looked]
+    assert photos.count("2.jpg") == 2  # for A before, and for B: it is not looked at again
 
 
 def test_what_is_picked_there_is_not_sought(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
     there = Pick(image="2.jpg", label="A", u_px=10.0, v_px=5.0, source="match")
-    seeker.submit(SearchInput(State(picks=(*state("A").picks, there)), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 1)
-    assert set(seeker.proposed.outcomes) == {("3.jpg", "A")}
+    assert set(search(seeker, State(picks=(*state("A").picks, there)))) == {("3.jpg", "A")}
 
 
 def test_a_photo_that_is_gone_is_said_and_ends_nothing(
@@ -354,20 +417,18 @@ def test_a_photo_that_is_gone_is_said_and_ends_nothing(
 ) -> None:
     monkeypatch.setitem(globals(), "TARGETS", ("gone.jpg", "3.jpg"))
     seeker, _ = start(World())
-    seeker.submit(SearchInput(state("A"), LAST))
-    until(lambda: len(seeker.proposed.outcomes) == 2)
-    assert "cannot be read" in seeker.proposed.outcomes["gone.jpg", "A"].why
-    assert seeker.proposed.outcomes["3.jpg", "A"].found is not None
+    outcomes = search(seeker, state("A"))
+    assert "cannot be read" in outcomes["gone.jpg", "A"].why
+    assert outcomes["3.jpg", "A"].found is not None
 
 
 def test_a_photo_without_a_pose_is_searched_where_features_predict_the_pick(start: Start) -> None:
     world, picked = World(), state("A")
     world.posed, world.by_features = ("2.jpg",), TARGETS
     seeker, _ = start(world)
-    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg")))
-    until(lambda: bool(world.tried))
+    outcomes = search(seeker, picked, adjusted(picked, "2.jpg"))
 
-    assert all(one.found is not None for one in seeker.proposed.outcomes.values())
+    assert all(one.found is not None for one in outcomes.values())
     assert world.tried == [{("2.jpg", "A"), ("3.jpg", "A")}]
     assert len(world.looked) == 2  # features were not asked for the photo with a pose
 
@@ -377,12 +438,12 @@ def test_what_an_adjustment_with_the_finds_contradicts_is_not_proposed(start: St
     world.posed, world.by_features = ("2.jpg",), TARGETS
     world.contradicted = {("3.jpg", "B"): CONTRADICTED}
     seeker, told = start(world)
-    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg")))
-    until(lambda: bool(told) and told[-1][1] == {"B"})
+    outcomes = search(seeker, picked, adjusted(picked, "2.jpg"))
 
-    assert seeker.proposed.outcomes["3.jpg", "A"].found is not None
-    assert seeker.proposed.outcomes["3.jpg", "B"].why == CONTRADICTED
-    assert seeker.proposed.outcomes["3.jpg", "B"].found is None
+    assert list_changed_labels(told)[-1] == {"B"}
+    assert outcomes["3.jpg", "A"].found is not None
+    assert outcomes["3.jpg", "B"].why == CONTRADICTED
+    assert outcomes["3.jpg", "B"].found is None
 
 
 def test_a_vague_pose_does_not_contradict_what_features_predicted_better(start: Start) -> None:
@@ -390,14 +451,10 @@ def test_a_vague_pose_does_not_contradict_what_features_predicted_better(start: 
     world.radius_px, world.refused = 900.0, dict.fromkeys(TARGETS, RefusalReason.TOO_FAR)
     world.by_features, world.wrong = TARGETS, [("2.jpg", "A")]
     seeker, _ = start(world)
-    seeker.submit(SearchInput(picked, adjusted(picked)))
-    until(lambda: bool(world.tried))
-    seeker.submit(SearchInput(picked, adjusted(picked)))
-    world.places = None
-    until(lambda: world.places is not None)
-    time.sleep(0.02)
+    outcomes = search(seeker, picked, adjusted(picked))
 
-    assert seeker.proposed.outcomes["2.jpg", "A"].found is not None
+    assert world.tried
+    assert outcomes["2.jpg", "A"].found is not None
 
 
 # A target that was clicked a little beside its centre is proposed elsewhere at its very centre.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -11,13 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 from open_projects import change, opened
-from textured_ground import NAMES, Textured, write_textured
+from textured_ground import LABELS, NAMES, Textured, write_textured
 
 from uavgram.io.tables.picks import read_picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.project import OpenProject
+from uavgram.pipeline.match.run import match_picks
 
 Json = dict[str, Any]
 LONGEST_WAIT_S = 30.0
@@ -127,3 +129,108 @@ def test_a_click_that_moves_is_sought_anew(
     wait(lambda: len(told(opened_, NEW)[0]) == 2)
     for one in told(opened_, NEW)[0]:  # the photos are of about one scale
         assert 2.0 < abs(one["u_px"] - before[one["image"]]) + 1.0 < 7.0
+
+
+def test_without_poses_page_and_command_find_the_same_in_whatever_order_it_is_picked(
+    textured: Textured,
+) -> None:
+    settings = textured.path.read_text().splitlines(keepends=True)
+    left = [line for line in settings if not line.startswith(("poses", "world"))]
+    textured.path.write_text("".join(left))
+    ends = [("P2", "P4"), ("P3", "P4"), ("P4", "P5")]
+    taped = [f"{a}{b},{a},{b},{math.dist(LABELS[a], LABELS[b])},0.01\n" for a, b in ends]
+    with textured.path.with_name("lines.csv").open("a") as lines:
+        lines.writelines(taped)
+
+    def found(project: OpenProject) -> dict[tuple[int, str], tuple[float, float]]:
+        proposals = project.picking.initial_state()["proposals"]["found"]
+        return {(one["image"], one["label"]): (one["u_px"], one["v_px"]) for one in proposals}
+
+    def agrees(project: OpenProject, wanted: dict[tuple[int, str], tuple[float, float]]) -> bool:
+        now = found(project)
+        same = now.keys() == wanted.keys()
+        return same and all(math.dist(now[pair], at) < 0.01 for pair, at in wanted.items())
+
+    with opened(textured.path) as (project, _):
+        project.open()
+        wait(lambda: len(found(project)) == 2 * (len(LABELS) - 1))
+        click(project, textured)  # after the others were found
+        project.picking.save()
+        record = match_picks(textured.path, dry_run=True).record
+        matched = {
+            (NAMES.index(name), label): one.pixel_px for (name, label), one in record.found.items()
+        }
+        assert len(matched) == 2 * len(LABELS)
+        wait(lambda: agrees(project, matched))
+        project.picking.stop()
+    with opened(textured.path) as (project, _):
+        project.open()
+        wait(lambda: agrees(project, matched))
+        project.picking.stop()
+
+
+Places = dict[tuple[int, str], tuple[float, float, float | None]]
+
+
+@pytest.fixture(scope="module")
+def tilted(tmp_path_factory: pytest.TempPathFactory) -> Textured:
+    """A project without picks and lengths, and directions 15 degrees beyond their sigma of 1."""
+    textured = write_textured(tmp_path_factory.mktemp("tilted"))
+    for table in (textured.picks, textured.path.with_name("lines.csv")):
+        table.write_text(table.read_text().splitlines(keepends=True)[0])
+    poses = textured.path.with_name("poses.csv")
+    poses.write_text(poses.read_text().replace(",-90,", ",-75,"))
+    return textured
+
+
+ENDS = [("P1", "P2"), ("P3", "P4"), ("P5", "P6"), ("P2", "P4")]
+PICKS: list[tuple[str, Any]] = [("place", label) for label in LABELS]
+LINES: list[tuple[str, Any]] = [("line", name) for name in ENDS]
+ORDERS: dict[str, list[tuple[str, Any]]] = {
+    "points first": [*PICKS, *LINES],
+    "backwards": [*PICKS[::-1], *LINES[::-1]],
+    "each length at once": [
+        *(PICKS[:2] + LINES[:1]),
+        *(PICKS[2:4] + LINES[1:2] + LINES[3:]),
+        *(PICKS[4:] + LINES[2:3]),
+    ],
+    "one moved back": [*PICKS[:4], ("aside", "P1"), *PICKS[4:], *LINES, ("place", "P1")],
+}
+
+
+def play(tilted: Textured, folder: Path, order: list[tuple[str, Any]], *, waits: bool) -> Places:
+    """Click and type in an order, wait or not between two actions; return what is then proposed."""
+    shutil.copytree(tilted.path.parent, folder)
+    with opened(folder / tilted.path.name) as (project, _):
+        project.open()
+        picking = project.picking
+
+        def is_searched() -> bool:
+            return picking.initial_state()["proposals"]["searched"] == picking.version
+
+        for kind, what in order:
+            if kind == "line":
+                length = math.dist(*(LABELS[end] for end in what))
+                ends = {"start": what[0], "end": what[1], "name": "-".join(what), "was": ""}
+                change(project, "line", **ends, length_m=length, sigma_m=0.01, adjust=True)
+            else:
+                u, v = tilted.pixel_px[NAMES[0], what].tolist()
+                at = {"u_px": u + (kind == "aside") * 5.0, "v_px": v}
+                change(project, "place", image=0, label=what, **at)
+            if waits:
+                wait(is_searched)
+        wait(is_searched)
+        picking.stop()
+        found = picking.initial_state()["proposals"]["found"]
+    return {(one["image"], one["label"]): (one["u_px"], one["v_px"], one["score"]) for one in found}
+
+
+def test_proposals_depend_neither_on_the_order_nor_on_the_pace_of_the_clicks(
+    tilted: Textured, tmp_path: Path
+) -> None:
+    wanted = play(tilted, tmp_path / "first", ORDERS["points first"], waits=False)
+    assert len(wanted) == 2 * len(LABELS)
+    for name, order in ORDERS.items():
+        for waits in (True, False):
+            folder = tmp_path / f"{name} {waits}"
+            assert play(tilted, folder, order, waits=waits) == wanted, (name, waits)

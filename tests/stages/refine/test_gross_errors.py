@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,16 @@ def test_a_clean_survey_is_adjusted_as_ever_to_the_last_bit(base: str, seed: int
         ordinary.adjustment.points()[1], robust.refined.adjustment.points()[1]
     )
     assert largest_error(robust.refined.adjustment, scene) < FARTHEST
+
+
+def test_a_misplaced_photo_without_picks_is_not_left_out_again_and_again() -> None:
+    """Its matches make it take part: the adjustment without its picks is the same as before."""
+    taking = all_of(survey_with("nothing", LOG, 0)[1].survey)
+    name = taking.survey.frame_id[0]
+    found: Any = [SimpleNamespace(misplaced=(name,))]
+
+    rest = taking.leave_out_frames([name], gross_errors.MISPLACED)
+    assert not list(gross_errors._try_without_suspects(rest, found))
 
 
 # --- the standardised misfit --------------------------------------------------------------------

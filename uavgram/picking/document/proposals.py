@@ -52,6 +52,11 @@ class Outcome:
     is_asked: bool = True
     withdrawn: c.Place | None = None
 
+    @property
+    def is_fixed(self) -> bool:
+        """Whether no search for picks changes it: a person's decision, or a point of a plate."""
+        return self.is_over or self.source is None
+
 
 Outcomes = Mapping[Pair, Outcome]
 
@@ -91,7 +96,7 @@ def select_valid(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
 
 
 def make_accept_command(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.PlaceAll:
-    """Return the command that picks accepted proposals.
+    """Return the command that picks accepted proposals, in the order of their labels and photos.
 
     Parameters
     ----------
@@ -106,7 +111,7 @@ def make_accept_command(outcomes: Outcomes, state: State, pairs: Iterable[Pair])
         None of them is proposed any more.
     """
     found, holding = [], select_valid(outcomes, state)
-    for pair in pairs:
+    for pair in sorted(pairs, key=lambda pair: (pair[1], pair[0])):
         one = holding.get(pair)
         if one is not None and one.found is not None and state.pick(*pair) is None:
             found.append(one.found)

@@ -143,7 +143,7 @@ def _side_point(label: str, place: Floats, sigma: Floats) -> m.SidePoint:
 
 
 def proposals_json(
-    outcomes: Outcomes, index: Mapping[str, int], labels: Collection[str], left: int
+    outcomes: Outcomes, index: Mapping[str, int], labels: Collection[str], searched: int
 ) -> m.Proposals:
     """Return all search results of some labels.
 
@@ -155,8 +155,8 @@ def proposals_json(
         Numbers of the photos by name.
     labels
         Labels whose results are wanted.
-    left
-        Number of places still to be searched.
+    searched
+        Number of the last state for which all picks were searched.
     """
     found: list[m.Proposal] = []
     asked: list[m.Asked] = []
@@ -181,4 +181,4 @@ def proposals_json(
             )
         elif one.is_asked:
             asked.append({**key, "why": one.why})
-    return {"labels": sorted(labels), "found": found, "asked": asked, "left": left}
+    return {"labels": sorted(labels), "found": found, "asked": asked, "searched": searched}

@@ -227,12 +227,12 @@ class Asked(TypedDict):
 
 
 class Proposals(Sent):
-    """All results of the search for these labels; `left`: places still to be searched."""
+    """All results of the search for these labels; `searched`: number of the last searched state."""
 
     labels: list[str]
     found: list[Proposal]
     asked: list[Asked]
-    left: int
+    searched: int
 
 
 class OutputFile(TypedDict):

@@ -1,4 +1,8 @@
-"""Background search for picked points and targets in the other photos, newest picks first.
+"""Background search for picked points and targets in the other photos.
+
+New picks are searched at once with the last adjustment. As soon as their own adjustment exists, all
+picks are searched from the beginning, without results of earlier states: so the proposals depend on
+the picks and lengths alone, not on the order in which they were entered.
 
 Matches are proposed, never picked: a person decides. A match carries the click's error along; where
 a person picked the centre of a target, that centre is measured in the other photos instead.
@@ -7,7 +11,7 @@ a person picked the centre of a target, that centre is measured in the other pho
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,9 +30,10 @@ from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
+from uavgram.pipeline.match.places_by_features import FeaturePlaces
+from uavgram.pipeline.match.predicted_places import PredictedPlaces
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces, predict_places
-from uavgram.pipeline.pick.places_by_features import FeaturePlaces
+from uavgram.pipeline.pick.places import AdjustedPlaces, predict_places
 from uavgram.pipeline.targets import make_pick_row, recognise_picked, recognise_same
 from uavgram.stages.match import (
     CONTRADICTED,
@@ -53,10 +58,20 @@ BATCH_SIZE = 64
 
 @dataclass(frozen=True)
 class SearchInput:
-    """Present picks, and the last full adjustment, if there is one."""
+    """Present picks, the last full adjustment, whether it is theirs, and the state's number.
+
+    A picked state that cannot be adjusted has none.
+    """
 
     state: State
     last: LiveAdjustment | None
+    is_adjusted: bool
+    version: int = 0
+
+    @property
+    def observed(self) -> tuple[object, ...]:
+        """Picks and lengths, of which the proposals depend."""
+        return self.state.picks, self.state.lines
 
 
 class PointSearch:
@@ -75,11 +90,13 @@ class PointSearch:
     def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: ProposalTable) -> None:
         self._survey, self._photos, self.proposed = survey, photos, proposed
         self._targets = PickedTargets(survey, photos)
-        self._features = FeaturePlaces(survey)
+        self._features = FeaturePlaces(survey.inputs)
         self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
-        # Finds and lengths of the last adjustment with finds.
-        self._tested: tuple[dict[Pair, Found], tuple[tuple[str, str, float], ...]] | None = None
+        # Picks, lengths and outcomes of the last finished search.
+        self._finished: tuple[object, ...] = ()
+        self._outcomes: dict[Pair, Outcome] = {}  # of the present search
+        self._shown: frozenset[Pair] = frozenset()  # with an outcome before it
 
     def start(self) -> None:
         """Start the worker."""
@@ -93,54 +110,81 @@ class PointSearch:
         """End after the current photo."""
         self._newest.stop()
 
+    def _is_outdated(self, wanted: SearchInput) -> bool:
+        """Return whether there are newer picks or lengths, or their own adjustment, or the end."""
+        newest = self._newest.task or wanted
+        is_newer = newest.observed != wanted.observed or newest.is_adjusted > wanted.is_adjusted
+        return is_newer or self._newest.is_over
+
     def _work(self) -> None:
         wanted: SearchInput | None = None
         while (wanted := self._newest.newer(wanted)) is not None:
+            is_finished = True
             try:
-                self._seek(wanted)
+                is_finished = self._seek(wanted)
             except Exception:  # a bug here must not end the worker: picking goes on
                 log.exception("the search in other photos failed")
+            if is_finished and wanted.is_adjusted:
+                self.proposed.put({}, searched=wanted.version)
 
-    def _seek(self, wanted: SearchInput) -> None:
+    def _seek(self, wanted: SearchInput) -> bool:
+        """Search for picks in the other photos; return False if that was not finished."""
         self.proposed.let_go(wanted.state)
+        before = self.proposed.outcomes
+        self._shown = frozenset(before)
+        self._outcomes = {pair: one for pair, one in before.items() if one.is_fixed}
+        if (*wanted.observed, before) == self._finished:
+            return True
         picks, _ = make_observations(wanted.state)
+        own = {(one.label, *source_of(one)) for one in wanted.state.picks if one.source != "match"}
+        new = {label for label, *_ in own - self._known}
+        if not self._seek_everywhere(wanted, picks, None if wanted.is_adjusted else new):
+            return False
+        self._known = frozenset(own)
+        if wanted.is_adjusted:
+            gone = [pair for pair in before if pair not in self._outcomes]
+            self.proposed.put(self._outcomes, gone=gone)
+            self._finished = *wanted.observed, self._outcomes
+        return True
+
+    def _seek_everywhere(
+        self, wanted: SearchInput, picks: Picks, labels: Collection[str] | None
+    ) -> bool:
+        """Search some labels, or all, in all other photos; return False if that was not finished.
+
+        First where poses predict the picks, then in photos whose pose is unknown or vague.
+        """
         last, by_log = wanted.last, self._survey.flight() is not None
-        if last is None and by_log:
-            return  # the first adjustment follows within a second
-        # First where poses predict the picks, then in photos whose pose is unknown or vague.
+        if last is None and by_log:  # nothing predicts a place yet
+            return wanted.is_adjusted
         sharp, vague = set[str](), set[str]()
-        if last is not None:
-            places = self._seek_by_poses(wanted, last, picks)
-            if places is None:
-                return
+        places = None if last is None else predict_places(self._survey, last, picks, labels)
+        if last is not None and places is not None:
+            if not self._seek_by_poses(wanted, places, picks):
+                return False
             vague = self._find_vague_photos(places)
             sharp = {*last.adjustment.survey.frame_id, *places.image} - vague
 
         def is_vague(pair: Pair) -> bool:
-            return pair[0] in vague or not (by_log or pair[0] in sharp)
+            return (pair[0] in vague or not (by_log or pair[0] in sharp)) and (
+                labels is None or pair[1] in labels
+            )
 
-        if self._seek_by_features(wanted, picks, is_vague) and last is not None:
-            self._seek_by_finds(wanted, last, picks, is_vague)
+        if not self._seek_by_features(wanted, picks, is_vague):
+            return False
+        return last is None or self._seek_by_finds(wanted, last, picks, labels, is_vague)
 
-    def _seek_by_poses(
-        self, wanted: SearchInput, last: LiveAdjustment, picks: Picks
-    ) -> AdjustedPlaces | None:
-        """Search where an adjustment predicts picks; return None if that was not finished."""
-        own = {(one.label, *source_of(one)) for one in wanted.state.picks if one.source != "match"}
-        new = {label for label, *_ in own - self._known}
-        places = None
-        for labels in [new, None] if new else [None]:
-            places = predict_places(self._survey, last, picks, labels)
-            if places is None or not self._look(places, wanted, picks):
-                return None
-            self._withdraw(places)
-            self._withdraw_raised(places, picks)
-        self._known = frozenset(own)
-        return places
+    def _seek_by_poses(self, wanted: SearchInput, places: AdjustedPlaces, picks: Picks) -> bool:
+        """Search where an adjustment predicts picks; return False if that was not finished."""
+        if not self._look(places, wanted, picks):
+            return False
+        self._withdraw(places)
+        self._withdraw_raised(places, picks)
+        return True
 
     def _find_vague_photos(self, places: PredictedPlaces) -> set[str]:
         """Return photos with a large region in which nothing was found as predicted."""
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         large, found = set[str](), set[str]()
         for row, pair in enumerate(zip(places.image, places.label, strict=True)):
             if places.radius_px[row] > MAX_RADIUS_PX:
@@ -154,75 +198,64 @@ class PointSearch:
         self, wanted: SearchInput, picks: Picks, is_vague: Callable[[Pair], bool]
     ) -> bool:
         """Search where features predict picks; return False if that was not finished."""
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
 
         def is_wanted(pair: Pair) -> bool:
             return is_vague(pair) and (pair not in outcomes or outcomes[pair].found is None)
 
-        predicted = self._features.predict(
-            picks, is_wanted, lambda: self._newest.is_outdated(wanted)
-        )
+        predicted = self._features.predict(picks, is_wanted, lambda: self._is_outdated(wanted))
         done = all(self._look(places, wanted, picks) for places in predicted)
-        return done and not self._newest.is_outdated(wanted)
+        return done and not self._is_outdated(wanted)
 
     def _seek_by_finds(
         self,
         wanted: SearchInput,
         last: LiveAdjustment,
         picks: Picks,
+        labels: Collection[str] | None,
         is_vague: Callable[[Pair], bool],
-    ) -> None:
+    ) -> bool:
         """Test finds in photos without a good pose by an adjustment, and search what it predicts.
 
-        With these finds the photos have a pose.
+        With these finds the photos have a pose. Return False if that was not finished.
         """
         observed = last.observed.picks
         keys = zip(observed.label, observed.image, *observed.pixel_px.T.tolist(), strict=True)
         number = {key: i for i, key in enumerate(keys)}
         picked = {pick.key for pick in wanted.state.picks}
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         found = {
             pair: _as_find(number[pair[1], *one.source], one.found, one.radius_px)
-            for pair, one in outcomes.items()
+            for pair, one in sorted(outcomes.items())  # the order of their search varies
             if one.found is not None
             and one.source is not None
             and pair not in picked
             and (pair[1], *one.source) in number
         }
-        lines = last.observed.lines
-        known = tuple(zip(lines.start, lines.end, lines.length_m.tolist(), strict=True))
-        if (found, known) == self._tested or not any(map(is_vague, found)):
-            return
+        if not any(map(is_vague, found)):
+            return True
         try:
             adjusted, contradicted = self._survey.adjust_with_finds(last, found)
         except (SingularError, UavgramError):  # they do not determine the poses
-            self._tested = found, known
-            return
-        self.proposed.put(
-            {
-                pair: replace(outcomes[pair], found=None, why=why)
-                for pair, why in contradicted.items()
-            }
-        )
-        if self._seek_by_poses(wanted, adjusted, picks) is not None:
-            self._tested = found, known
+            return True
+        for pair, why in contradicted.items():
+            outcomes[pair] = replace(outcomes[pair], found=None, why=why)
+        places = predict_places(self._survey, adjusted, picks, labels)
+        return places is None or self._seek_by_poses(wanted, places, picks)
 
     def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> bool:
         """Search unknown places; return False if newer work arrived before the end."""
-        rows = self._unknown(places, wanted.state)
-        left = len(rows)
-        for some in self._batches(places, rows):
-            if self._newest.is_outdated(wanted):
+        for some in self._batches(places, self._unknown(places, wanted.state)):
+            if self._is_outdated(wanted):
                 return False
-            left -= len(some)
-            self._take(places, some, picks, self._search_places(places, some, picks), left)
-        return not self._newest.is_outdated(wanted)
+            self._take(places, some, picks, self._search_places(places, some, picks))
+        return not self._is_outdated(wanted)
 
     def _withdraw(self, places: AdjustedPlaces) -> None:
         """Withdraw proposals that other matches in the same photo contradict."""
         at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
         by_photo: dict[str, dict[Pair, c.Place]] = {}
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         for pair, one in outcomes.items():
             if (
                 one.found is not None
@@ -237,16 +270,15 @@ class PointSearch:
             sigma = np.array([one.sigma_px for one in own.values()], dtype=np.float64)
             out = places.mark_contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
             wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
-        self.proposed.put(
-            {pair: replace(outcomes[pair], found=None, why=CONTRADICTED) for pair in wrong}
-        )
+        for pair in wrong:
+            outcomes[pair] = replace(outcomes[pair], found=None, why=CONTRADICTED)
 
     def _withdraw_raised(self, places: AdjustedPlaces, picks: Picks) -> None:
         """Withdraw proposals on the ground of labels that are more likely off it.
 
         They remain evidence, and are proposed again once they show the label on the ground.
         """
-        outcomes = self.proposed.outcomes
+        outcomes = self._outcomes
         keys = zip(picks.label, picks.image, *picks.pixel_px.T.tolist(), strict=True)
         number = {key: i for i, key in enumerate(keys)}
         results: dict[Pair, Found | Missed] = {}
@@ -259,19 +291,17 @@ class PointSearch:
                 results[pair] = Missed(pick, one.radius_px, one.why)
         record = Record().add_results(results)
         raised = places.find_raised_labels(self._survey, picks, record)
-        changed: dict[Pair, Outcome] = {}
         for pair in record.found:
             one = outcomes[pair]
             if pair[1] in raised and one.found is not None:
-                changed[pair] = replace(one, found=None, why=OFF_GROUND, withdrawn=one.found)
+                outcomes[pair] = replace(one, found=None, why=OFF_GROUND, withdrawn=one.found)
             elif pair[1] not in raised and one.withdrawn is not None:
-                changed[pair] = replace(one, found=one.withdrawn, why="", withdrawn=None)
-        self.proposed.put(changed)
+                outcomes[pair] = replace(one, found=one.withdrawn, why="", withdrawn=None)
 
     def _unknown(self, places: PredictedPlaces, state: State) -> Ints:
         """Return the rows (n,) of places to search, the best predicted first."""
         picked = {pick.key for pick in state.picks}
-        outcomes, rows = self.proposed.outcomes, []
+        outcomes, rows = self._outcomes, []
         for row, pair in enumerate(zip(places.image, places.label, strict=True)):
             if pair not in picked and _is_open(outcomes.get(pair), places, row):
                 rows.append(row)
@@ -301,7 +331,7 @@ class PointSearch:
             return f"the photo cannot be read: {why}"
 
     def _take(
-        self, places: PredictedPlaces, rows: Ints, picks: Picks, found: Matches | str, left: int
+        self, places: PredictedPlaces, rows: Ints, picks: Picks, found: Matches | str
     ) -> None:
         """Store and report the results at some places (n,).
 
@@ -313,8 +343,6 @@ class PointSearch:
             Picks that were searched for.
         found
             Matches there, or the reason why none could be searched.
-        left
-            Number of places still to be searched.
         """
         new, stated = {}, _compute_pick_sigmas(found, places.is_raised[rows])
         for k, row in enumerate(rows.tolist()):
@@ -346,7 +374,8 @@ class PointSearch:
                 alike = self._likeness(place, turn) >= MIN_CORRELATION
                 own = self._targets.target_at(place, turn)
                 new[image, label] = replace(outcome, found=own, is_alike=alike)
-        self.proposed.put(new, left, always=True)
+        self._outcomes |= new
+        self.proposed.put({pair: one for pair, one in new.items() if pair not in self._shown})
 
     def _likeness(self, place: c.Place, affine: Floats) -> float:
         """Return the worst correlation of the surroundings of a match and its pick, -1 to 1."""
@@ -374,7 +403,7 @@ def _is_open(outcome: Outcome | None, places: PredictedPlaces, row: int) -> bool
     """Return whether to search a place: for the first time, or since it is far better predicted."""
     if outcome is None:
         return True
-    if outcome.is_over or (outcome.source is None and outcome.found is not None):
+    if outcome.is_fixed:
         return False
     if outcome.found is not None:
         here = outcome.found.u_px, outcome.found.v_px

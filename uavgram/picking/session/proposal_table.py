@@ -16,7 +16,7 @@ from uavgram.picking.document.proposals import (
 from uavgram.picking.document.state import State
 
 Tell = Callable[[Outcomes, Collection[str], int], None]
-"""Receiver of all outcomes, the labels with changed ones, and the number of places left."""
+"""Receiver of all outcomes, the labels with changed ones, and the number of the searched state."""
 
 
 class ProposalTable:
@@ -32,6 +32,7 @@ class ProposalTable:
         self._tell = tell
         self._changed = threading.Lock()
         self._outcomes: dict[Pair, Outcome] = {}
+        self.searched = -1  # number of the last state for which all was searched
 
     @property
     def outcomes(self) -> dict[Pair, Outcome]:
@@ -42,10 +43,8 @@ class ProposalTable:
     def put(
         self,
         new: Mapping[Pair, Outcome],
-        left: int = 0,
         gone: Collection[Pair] = (),
-        *,
-        always: bool = False,
+        searched: int | None = None,
     ) -> None:
         """Store new outcomes; refused ones stay refused.
 
@@ -53,25 +52,24 @@ class ProposalTable:
         ----------
         new
             Outcomes by photo and label.
-        left
-            Number of places still to be searched.
         gone
             Photos and labels whose outcomes are void.
-        always
-            Whether to notify even if nothing changed.
+        searched
+            Number of the state for which the search is finished; None: it is not.
         """
         with self._changed:
             over = {pair for pair, one in self._outcomes.items() if one.is_over}
-            known = {} if always else self._outcomes
-            changed = {pair: one for pair, one in new.items() if known.get(pair) != one}
+            changed = {pair: one for pair, one in new.items() if self._outcomes.get(pair) != one}
             self._outcomes |= {pair: one for pair, one in changed.items() if pair not in over}
             lost = [pair for pair in gone if pair in self._outcomes and pair not in over]
             for pair in lost:
                 del self._outcomes[pair]
+            if searched is not None:
+                self.searched = searched
             now = dict(self._outcomes)
         labels = {label for _, label in (*changed, *lost)}
-        if labels or always:
-            self._tell(now, labels, left)
+        if labels or searched is not None:
+            self._tell(now, labels, self.searched)
 
     def let_go(self, state: State) -> None:
         """Remove outcomes whose source pick no longer exists."""
@@ -81,7 +79,7 @@ class ProposalTable:
             gone = {label for _, label in before.keys() - self._outcomes.keys()}
             now = dict(self._outcomes)
         if gone:
-            self._tell(now, gone, 0)
+            self._tell(now, gone, self.searched)
 
     def refuse(self, pairs: Collection[Pair]) -> None:
         """Stop proposing, or asking for, some labels."""
@@ -97,4 +95,4 @@ class ProposalTable:
         with self._changed:
             self._outcomes = how(self._outcomes, of)
             now = dict(self._outcomes)
-        self._tell(now, {label for _, label in of}, 0)
+        self._tell(now, {label for _, label in of}, self.searched)

@@ -74,6 +74,11 @@ class Searches:
         """Copy of the present outcomes."""
         return self._proposed.outcomes
 
+    @property
+    def searched(self) -> int:
+        """Number of the last state for which all picks were searched; -1: none."""
+        return self._proposed.searched
+
     def start(self) -> None:
         """Start the searches."""
         self._seeker.start()

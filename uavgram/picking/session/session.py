@@ -107,6 +107,8 @@ class PickSession:
         self._live = AdjustmentWorkers(survey, self.index, self._publish_adjustment)
         self._search = Searches(survey, self._sought)
         self._is_resting = True  # no step is unfinished
+        self._state_version = 0  # of `session`, which lags behind `version` during a change
+        self._adjusted_version = -1  # of the state that was adjusted last, or could not be
 
     @property
     def output(self) -> str:
@@ -123,7 +125,7 @@ class PickSession:
         self._tiled.read_ahead(self._find_most_picked_photo())
         self._live.start()
         self._search.start()
-        self._search.submit(SearchInput(self.state, None))
+        self._search.submit(self._search_input())
         self._live.submit(Task(self.version, self.state, final=True))
 
     def _find_most_picked_photo(self) -> int:
@@ -236,18 +238,18 @@ class PickSession:
         if isinstance(do, c.Accept):
             do = make_accept_command(self._search.outcomes, self.state, do.pairs)
         after = apply(before, do, message.step)
-        if after is before:
-            return {"t": "changed", "seq": message.seq, "diff": {}, **self._standing()}
-        self._try(after.state, final=message.final)  # adjust while the disk is busy
-        try:
-            self._saver.record(do, message.step)
-        except OutputError:
-            self._try(before.state, final=True)
-            raise
-        self.session = after
+        if after is not before:
+            self._try(after.state, final=message.final)  # adjust while the disk is busy
+            try:
+                self._saver.record(do, message.step)
+            except OutputError:
+                self._try(before.state, final=True)
+                self._state_version = self.version
+                raise
+            self.session, self._state_version = after, self.version
         self._is_resting = message.final
         if message.final:
-            self._search.submit(SearchInput(after.state, self._live.last))
+            self._search.submit(self._search_input())
         return {
             "t": "changed",
             "seq": message.seq,
@@ -258,7 +260,7 @@ class PickSession:
     def refuse(self, action: c.Refuse) -> None:
         """Refuse some proposals, or search for refused ones again."""
         if action.is_taken_back:
-            self._search.reopen(action.pairs, SearchInput(self.state, self._live.last))
+            self._search.reopen(action.pairs, self._search_input())
         else:
             self._search.refuse(action.pairs)
 
@@ -340,19 +342,26 @@ class PickSession:
     def _predict_places(self) -> list[m.Predicted]:
         return expected_json(predict_known_places(self.survey, self._live.last), self.index)
 
-    def _sought(self, outcomes: Outcomes, labels: Collection[str], left: int) -> None:
-        fields = proposals_json(outcomes, self.index, labels, left)
+    def _sought(self, outcomes: Outcomes, labels: Collection[str], searched: int) -> None:
+        fields = proposals_json(outcomes, self.index, labels, searched)
         self._broadcast({"t": "proposals", **fields})
 
     def _proposals(self) -> m.Proposals:
         outcomes = self._search.outcomes
-        return proposals_json(outcomes, self.index, {label for _, label in outcomes}, 0)
+        labels = {label for _, label in outcomes}
+        return proposals_json(outcomes, self.index, labels, self._search.searched)
 
     def _publish_adjustment(self, version: int, found: m.Adjustment) -> None:
         answer = cast("m.Live", {"t": "live", "for": version, **found})
         if answer["mode"] != "linearised":
             answer["expected"] = self._predict_places()
             self._last_message = answer
+            self._adjusted_version = version
         self._broadcast(answer)
-        if found["mode"] == "adjusted" and self._is_resting:  # a drag has the cores for itself
-            self._search.submit(SearchInput(self.state, self._live.last))
+        if answer["mode"] != "linearised" and self._is_resting:  # a drag has the cores for itself
+            self._search.submit(self._search_input())
+
+    def _search_input(self) -> SearchInput:
+        """Return the present picks, the last adjustment, and whether it is theirs."""
+        version = self._state_version
+        return SearchInput(self.state, self._live.last, self._adjusted_version == version, version)

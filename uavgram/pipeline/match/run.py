@@ -14,7 +14,7 @@ from uavgram.geometry.motion.camera_motion import BORESIGHT
 from uavgram.model.arrays import Bools
 from uavgram.pipeline.match.adjustment import BaseAdjustment, adjust_manual_picks
 from uavgram.pipeline.match.patch_search import load_grey_photos
-from uavgram.pipeline.match.search import search_all_photos
+from uavgram.pipeline.match.search import Search, search_all_photos
 from uavgram.pipeline.match.selection import (
     Selection,
     append_matches,
@@ -92,7 +92,7 @@ def match_picks(
         replaced=int(gone.sum() + unfit.sum()),
         kept=int(before.sum() - gone.sum() - unfit.sum()),
         not_sought=tuple(label for label in labels if label not in from_labels),
-        unplaced=_find_unplaced_photos(base, search.adjustment, asked),
+        unplaced=_find_unplaced_photos(base, search, asked),
         turned_rad=_measure_turn_rad(search.adjustment),
     )
 
@@ -156,10 +156,13 @@ def _measure_turn_rad(adjustment: Adjustment) -> float:
 
 
 def _find_unplaced_photos(
-    base: BaseAdjustment, adjustment: Adjustment, asked: Selection
+    base: BaseAdjustment, search: Search, asked: Selection
 ) -> tuple[str, ...]:
-    telemetry = base.posed.telemetry
-    placed = {*adjustment.survey.frame_id, *(() if telemetry is None else telemetry.poses.frame_id)}
+    """Return photos that were not searched, as neither poses nor features predict a pick there."""
+    telemetry, record = base.posed.telemetry, search.record
+    placed = {image for image, _ in (*record.found, *record.missed)}
+    placed |= {*search.adjustment.survey.frame_id}
+    placed |= set(() if telemetry is None else telemetry.poses.frame_id)
     placed |= set(find_project_duplicates(base.inputs).photos)
     names = asked.photos or base.inputs.photos.frame_id
     return tuple(name for name in names if name not in placed)

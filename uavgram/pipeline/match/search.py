@@ -1,4 +1,8 @@
-"""Search for picks in the other photos, round by round, each with the poses of the last."""
+"""Search for picks in the other photos, round by round, each with the poses of the last.
+
+Photos whose pose is unknown or vague are searched where features predict the picks; their finds
+give them a pose.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +17,10 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.predicted_pixels import (
     FlightOfPhotos,
     PickedPixels,
-    TransferredPixels,
     transfer_pixels,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.model.arrays import Ints
-from uavgram.model.observations import Picks
 from uavgram.pipeline.match.adjustment import BaseAdjustment, find_blank_labels
 from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
 from uavgram.pipeline.match.patch_search import (
@@ -28,12 +29,15 @@ from uavgram.pipeline.match.patch_search import (
     group_by_photos,
     search_places,
 )
+from uavgram.pipeline.match.places_by_features import FeaturePlaces
+from uavgram.pipeline.match.predicted_places import make_search_places
 from uavgram.pipeline.match.selection import list_labels_without_height
 from uavgram.pipeline.match.sightline_search import search_sightlines
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match import (
     CONTRADICTED,
     EVEN_ODDS,
+    MAX_RADIUS_PX,
     REGION_SQUARED,
     Candidates,
     Found,
@@ -98,7 +102,8 @@ def search_all_photos(
         Odds that a label without a height is on the ground.
     """
     record, adjustment, unplaced = _drop_contradicted(base, Record())
-    sigma_px = base.inputs.project.picks_sigma_px
+    by_features = False
+    sigma_px, features = base.inputs.project.picks_sigma_px, FeaturePlaces(base.inputs)
     for left in reversed(range(MAX_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
@@ -126,6 +131,9 @@ def search_all_photos(
             looked = search_sightlines(
                 photos, picks, adjustment, candidates, lines, sigma_px, progress
             )
+        elif not by_features:  # once, in photos without a good pose
+            by_features = True
+            looked = _search_by_features(photos, base, features, candidates, record, wanted)
         else:
             break
         before, record = record, record.add_results(looked)
@@ -275,28 +283,42 @@ def _flight(base: BaseAdjustment) -> FlightOfPhotos | None:
     return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
-def make_search_places(
-    places: TransferredPixels, rows: Ints, picks: Picks, pick: Ints
-) -> SoughtPoints:
-    """Convert predicted places to the input of the matching.
+def _search_by_features(
+    photos: Photos,
+    base: BaseAdjustment,
+    features: FeaturePlaces,
+    candidates: Candidates,
+    record: Record,
+    wanted: Callable[[Pair], bool],
+) -> dict[Pair, Found | Missed]:
+    """Search where features predict picks, in photos whose pose is unknown or vague.
 
     Parameters
     ----------
-    places, rows
-        Predicted places, and numbers (m,) of those to search for.
-    picks, pick
-        All picks, and (m,) rows of those whose points are searched for.
+    photos, base, wanted
+        As for `search_all_photos`.
+    features
+        Predictions by the features of the photos.
+    candidates, record
+        Places predicted by poses, and the search so far.
     """
-    by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
-    photos = Counter(label for _, label in {(picks.image[i], picks.label[i]) for i in by_hand})
-    return SoughtPoints(
-        is_confirmed=np.array([photos[picks.label[i]] > 1 for i in pick], dtype=np.bool_),
-        source_px=picks.pixel_px[pick],
-        target_px=places.pixel_px[rows],
-        covariance_px2=places.covariance_px2[rows] + MIN_PX**2 * np.eye(2),
-        affine=places.affine[rows],
-        rise=places.rise[rows],
-    )
+    radius = compute_radii(candidates.places.covariance_px2)
+    sharp = {image for image, _ in record.found}
+    sharp |= {
+        pair[0] for pair, far in zip(candidates.pair, radius, strict=True) if far <= MAX_RADIUS_PX
+    }
+
+    def is_open(pair: Pair) -> bool:
+        return pair[0] not in sharp and pair not in record.found and wanted(pair)
+
+    results: dict[Pair, Found | Missed] = {}
+    for places in features.predict(base.inputs.picks, is_open, lambda: False):
+        pairs = tuple(zip(places.image, places.label, strict=True))
+        rows = [k for k, pair in enumerate(pairs) if not isinstance(results.get(pair), Found)]
+        none = np.zeros(len(pairs), np.bool_)
+        some = Candidates(places.predicted, pairs, places.pick, places.is_raised, none)
+        results |= _search(photos, base, some, np.array(rows, dtype=np.int64), silent)
+    return results
 
 
 def _search(

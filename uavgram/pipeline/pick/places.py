@@ -20,20 +20,18 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
 from uavgram.geometry.ground.row_projection import RowPoses
-from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.frames import Poses
 from uavgram.model.observations import KnownWorldPoints, Picks
 from uavgram.model.survey import World
 from uavgram.pipeline.match.adjustment import MIN_ROUGHNESS_M
 from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
-from uavgram.pipeline.match.search import make_search_places
+from uavgram.pipeline.match.predicted_places import PredictedPlaces
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.match import (
-    REGION_SQUARED,
     Candidates,
     Record,
     compute_radii,
@@ -205,52 +203,6 @@ def predict_planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
         world_m=places,
         sigma_m=np.broadcast_to(sigma, places.shape),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedPlaces:
-    """Set of n predicted places of picks in other photos.
-
-    Attributes
-    ----------
-    pick
-        (n,) number of the pick that each is predicted from.
-    image, label
-        (n,) the photo, and the label.
-    radius_px
-        (n,) half lengths of the regions that hold 99.9 %.
-    is_raised
-        (n,) whether the point is off the ground.
-    row, predicted
-        (n,) row of each among the predictions, and all of these.
-    """
-
-    pick: Ints
-    image: tuple[str, ...]
-    label: tuple[str, ...]
-    radius_px: Floats
-    is_raised: Bools
-    row: Ints
-    predicted: TransferredPixels
-
-    def __len__(self) -> int:
-        return len(self.image)
-
-    @property
-    def affine(self) -> Floats:
-        """Affine maps (n, 2, 2): d pixel there / d pixel of the pick."""
-        return self.predicted.affine[self.row]
-
-    def holds(self, row: int, pixel_px: tuple[float, float]) -> bool:
-        """Return whether a pixel is within the region of a place."""
-        at = self.row[row]
-        off = np.array(pixel_px) - self.predicted.pixel_px[at]
-        covariance = self.predicted.covariance_px2[at] + MIN_PX**2 * np.eye(2)
-        return bool(off @ np.linalg.solve(covariance, off) <= REGION_SQUARED)
-
-    def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
-        """Convert places to the input of the matching."""
-        return make_search_places(self.predicted, self.row[rows], picks, self.pick[rows])
 
 
 @dataclass(frozen=True, eq=False)

@@ -561,10 +561,11 @@ def _try_without_suspects(taking: Participants, found: Sequence[Candidate]) -> I
     found
         Candidates so far, that of least cost first.
     """
-    names = found[0].misplaced if found else ()
+    names, rest = found[0].misplaced if found else (), taking
     while names:
-        rest = taking.leave_out_frames(names, MISPLACED)
-        if not _are_most_left(taking, rest):
+        before, rest = rest, taking.leave_out_frames(names, MISPLACED)
+        # A photo without picks takes part by matches alone, which stay.
+        if rest.keep.sum() == before.keep.sum() or not _are_most_left(taking, rest):
             return
         best = _sort_by_cost(rest, chain(_adjust_from_rest(rest), _adjust_from_softened(rest)))[:1]
         yield from best

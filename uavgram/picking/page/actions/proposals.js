@@ -1,6 +1,6 @@
 // Proposals of the program in other photos: accepted or refused by a person.
 
-import { askedFor, predictedIn, proposalAt, proposals } from "../connection/store.js";
+import { askedFor, isSearching, placeOf, predictedIn, proposalAt, proposals } from "../connection/store.js";
 
 /** @import { Proposal, Question } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/socket.js" */
@@ -24,10 +24,13 @@ export class Proposals {
     this.tools = tools;
   }
 
-  /** @param {{ image: number, label: string }[]} some */
+  // Several are accepted together only when each is compared with all others.
+  /** @param {{ image: number, label: string }[]} some @returns {boolean} whether they are accepted */
   accept(some) {
-    if (some.length) this.link.change({ t: "accept", pairs: some.map(({ image, label }) => [image, label]) });
-    return some.length > 0;
+    const isEarly = some.length > 1 && isSearching();
+    if (isEarly) this.notice.show("The program is still looking: accept them when it has compared all that it finds.", true);
+    else if (some.length) this.link.change({ t: "accept", pairs: some.map(({ image, label }) => [image, label]) });
+    return some.length > 0 && !isEarly;
   }
 
   /** @param {[number, string][]} pairs */
@@ -90,7 +93,8 @@ export class Proposals {
   acceptAll(inPhoto) {
     const { active } = this.panes;
     const some = inPhoto ? this.inPhoto(active?.image) : this.ofLabel(this.state.selected);
-    if (!this.accept(some)) this.notice.show(`Nothing was found ${inPhoto ? "in this photo" : "of this point in other photos"} that is not accepted.`, true);
+    if (some.length) this.accept(some);
+    else this.notice.show(`Nothing was found ${inPhoto ? "in this photo" : "of this point in other photos"} that is not accepted.`, true);
     return true;
   }
 
@@ -111,7 +115,8 @@ export class Proposals {
     return proposals().filter((one) => one.label === label);
   }
 
-  // Goes to the place or the expected region of a point, with the region filling part of the screen.
+  // Goes to the place or the expected region of a point, with the region filling part of the screen;
+  // shows the whole photo if nothing predicts its place there.
   /** @param {number} image @param {string} label */
   goTo(image, label) {
     const { active: pane } = this.panes;
@@ -121,7 +126,8 @@ export class Proposals {
     this.tools.rebuild();
     const region = predictedIn(image).find((one) => one.label === label)?.spread.major_px ?? 0;
     const size = Math.min(pane.view.width, pane.view.height);
-    pane.goTo(label, Math.min((REGION_SHARE * size) / Math.max(CONFIDENCE * region, 1), LARGEST_SCALE));
+    if (placeOf(image, label)) pane.goTo(label, Math.min((REGION_SHARE * size) / Math.max(CONFIDENCE * region, 1), LARGEST_SCALE));
+    else pane.fit();
     pane.focus();
   }
 }

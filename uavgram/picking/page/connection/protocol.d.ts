@@ -53,8 +53,8 @@ export interface Predicted { image: number; label: string; pixel_px: [number, nu
 export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number | null; score: number | null; source: Source; from_image: number | null; is_sure: boolean }
 // Label to be picked by hand in a photo, with the reason.
 export interface Asked { image: number; label: string; why: string }
-// All results of the search for these labels; `left`: places still to be searched.
-export interface Proposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; left: number }
+// All results of the search for these labels; `searched`: number of the last searched state.
+export interface Proposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; searched: number }
 // File of the output folder.
 export interface OutputFile { name: string; words: string }
 // Output folder; `version` of the picked state that its results were made from.
@@ -149,7 +149,7 @@ export interface Outside { seq?: number | null; t: "outside"; files: string[] }
 // New outputs.
 export interface NewOutputs { seq?: number | null; t: "outputs"; outputs: Outputs }
 // New results of the search.
-export interface NewProposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; left: number; t: "proposals" }
+export interface NewProposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; searched: number; t: "proposals" }
 // Exact place of a target; without `is_sure` it only looks like the target.
 export interface Snapped { seq?: number | null; t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target"; is_sure: boolean }
 // Reason for no exact place, and the candidates.

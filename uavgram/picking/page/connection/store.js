@@ -36,7 +36,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Measurement[]} measurements
  * @property {Map<string, Proposal>} found "image|label" -> the proposal there
  * @property {Map<string, Asked>} asked "image|label" -> why the label is to be picked by hand there
- * @property {number} seeking number of places still to be searched
+ * @property {number} searched version for which the search in other photos is finished
  * @property {number} undo
  * @property {number} redo
  * @property {number} version
@@ -83,7 +83,7 @@ export const store = {
   measurements: [],
   found: new Map(),
   asked: new Map(),
-  seeking: 0,
+  searched: -1,
   undo: 0,
   redo: 0,
   version: 0,
@@ -135,7 +135,7 @@ function begin({ project, units, photos, damaged, camera, control, check, named,
     repeated: repeated.map((pair) => pickKey(...pair)),
     found: byKey(message.proposals.found),
     asked: byKey(message.proposals.asked),
-    seeking: 0,
+    searched: message.proposals.searched,
     live: null,
     liveFor: -1,
     mode: "waiting",
@@ -195,11 +195,11 @@ function layOver({ residuals_px, lines, measurements, heights }) {
 
 // Replaces all search results of some labels.
 /** @param {Proposals} message */
-function proposed({ labels: of, found, asked, left }) {
+function proposed({ labels: of, found, asked, searched }) {
   for (const all of [store.found, store.asked]) for (const [key, { label }] of all) if (of.includes(label)) all.delete(key);
   for (const [key, one] of byKey(found)) store.found.set(key, one);
   for (const [key, one] of byKey(asked)) store.asked.set(key, one);
-  store.seeking = left;
+  store.searched = searched;
 }
 
 // Lists the proposals or requests of labels that are not picked meanwhile.
@@ -213,6 +213,7 @@ export const proposalAt = (image, label) => (pickAt(image, label) ? undefined : 
 /** @returns {Adjusted | null} */
 export const adjusted = () => (store.live?.mode === "adjusted" ? store.live : null);
 export const stale = () => store.liveFor < store.version;
+export const isSearching = () => store.searched < store.version;
 export const remarks = () => store.live?.messages ?? store.opening;
 /** @param {number} image @param {string} label */
 export const pickAt = (image, label) => store.picks.get(pickKey(image, label));

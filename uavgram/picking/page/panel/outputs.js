@@ -1,6 +1,6 @@
 // The foot of the measurements tab: one click runs the project and writes all outputs.
 
-import { adjusted, proposals, store } from "../connection/store.js";
+import { adjusted, isSearching, proposals, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
 import { fillIfNew, node } from "../elements/dom.js";
 import { keep } from "../elements/table.js";
@@ -20,12 +20,13 @@ export function showOutputs(foot, exporting, exportAll, found) {
   const lost = ageOfNumbers() === "lost";
   const { all, words: acceptWords } = acceptable();
   const acceptAndWrite = () => { if (found.accept(all)) exportAll(); };
-  const made = keep("outputs", [outputs, old, exporting, level, words, lost, all], () => node("div", {},
+  const searching = isSearching();
+  const made = keep("outputs", [outputs, old, exporting, level, words, lost, all, searching], () => node("div", {},
     node("div", { class: "row" },
       node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting || lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         exporting ? "Writing\u2026" : words),
-      all.length && !exporting && !lost ? node("button", { name: "accept-export", title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,
-      node("span", { class: "dim", role: "status" }, exporting || lost ? "" : age(outputs, old)))));
+      all.length && !exporting && !lost ? node("button", { name: "accept-export", disabled: searching, title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,
+      node("span", { class: "dim", role: "status" }, exporting || lost ? "" : searching ? "still looking in other photos" : age(outputs, old)))));
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }
 

@@ -1,6 +1,6 @@
 // Proposals in other photos that are not accepted yet, and labels to be picked by hand.
 
-import { askedFor, pickAt, picksOf, proposals, store } from "../connection/store.js";
+import { askedFor, isSearching, pickAt, picksOf, proposals, store } from "../connection/store.js";
 import { linkButton, signButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
@@ -22,15 +22,14 @@ export function proposalParts(state, image, tools) {
 /** @param {PageState} state @param {number | undefined} image @param {Tools} tools */
 function foundPart({ selected }, image, tools) {
   const all = first(proposals(), (one) => one.label === selected || (!selected && one.image === image));
-  if (!all.length && !store.seeking) {
+  if (!all.length) {
     drop("found");
     return null;
   }
-  return keep("found", [all, selected, image, store.seeking], () => titled(`Found by the program (${all.length})`,
+  return keep("found", [all, selected, image, isSearching()], () => titled(`Found by the program (${all.length})`,
     acceptButtons(all.filter(({ is_sure }) => is_sure).length, selected, image, tools),
-    store.seeking ? node("p", { class: "dim", role: "status" }, `Still looking: ${places(store.seeking)}.`) : null,
-    all.length ? table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that tells its own place"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
-      all.slice(0, MOST_SHOWN).flatMap((one) => [foundRow(one, tools), picturesRow(one)])) : null,
+    table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that tells its own place"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
+      all.slice(0, MOST_SHOWN).flatMap((one) => [foundRow(one, tools), picturesRow(one)])),
     more(all.length)));
 }
 
@@ -41,7 +40,7 @@ function acceptButtons(sure, selected, image, tools) {
   const own = selected ? tools.proposals.ofLabel(selected).length : 0;
   const here = tools.proposals.inPhoto(image).length;
   return node("div", { class: "row accept" },
-    sure ? node("button", { name: "accept-sure", title: SURE, onclick: () => tools.proposals.acceptSure() }, `Accept all found surely (${sure})`) : null,
+    sure ? node("button", { name: "accept-sure", title: SURE, disabled: isSearching(), onclick: () => tools.proposals.acceptSure() }, `Accept all found surely (${sure})`) : null,
     ...pair("label", own, `of ${selected}`, "Shift+Enter", tools),
     ...pair("photo", here, "in this photo", "Ctrl+Enter", tools));
 }
@@ -50,7 +49,7 @@ function acceptButtons(sure, selected, image, tools) {
 function pair(which, count, words, key, { proposals: all }) {
   const inPhoto = which === "photo";
   return count ? [
-    node("button", { name: `accept-${which}`, title: key, onclick: () => all.acceptAll(inPhoto) }, `Accept all ${words} (${count})`, node("span", { class: "key" }, key)),
+    node("button", { name: `accept-${which}`, title: key, disabled: isSearching(), onclick: () => all.acceptAll(inPhoto) }, `Accept all ${words} (${count})`, node("span", { class: "key" }, key)),
     node("button", { name: `refuse-${which}`, title: `Take nothing of what was found ${words}`, onclick: () => all.refuseAll(inPhoto) }, `Refuse all ${words}`),
   ] : [];
 }
@@ -110,9 +109,6 @@ const goButton = ({ image, label }, words, tools) => linkButton("go", words, () 
 
 /** @param {number} count */
 const more = (count) => (count > MOST_SHOWN ? node("p", { class: "dim" }, `and ${count - MOST_SHOWN} more`) : null);
-
-/** @param {number} count */
-const places = (count) => `${count} place${count === 1 ? "" : "s"}`;
 
 // Sorts the present ones first, then the others by label and photo.
 /** @template {{ image: number, label: string }} T @param {T[]} all @param {(one: T) => boolean} isFirst */

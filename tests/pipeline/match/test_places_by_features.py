@@ -12,8 +12,8 @@ import pytest
 
 from uavgram.model.camera import Calibration
 from uavgram.picking.document.state import Pick, State, make_observations
+from uavgram.pipeline.match.places_by_features import FeaturePlaces, fit_local_map
 from uavgram.pipeline.pick.live_survey import LiveSurvey
-from uavgram.pipeline.pick.places_by_features import FeaturePlaces, fit_local_map
 
 AFFINE = np.array([[1.1, 0.2], [-0.1, 0.9]])
 SHIFT = np.array([40.0, -30.0])
@@ -79,7 +79,7 @@ def test_only_photos_of_the_same_ground_are_searched(survey: LiveSurvey) -> None
             )
         )
     )
-    found = list(FeaturePlaces(survey).predict(picks, lambda _: True, lambda: False))
+    found = list(FeaturePlaces(survey.inputs).predict(picks, lambda _: True, lambda: False))
 
     (place,) = [one for one in found if len(one)]
     assert (place.image, place.label) == (("b.png",), ("A",))

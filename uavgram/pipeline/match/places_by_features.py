@@ -20,8 +20,8 @@ from uavgram.imaging.ties import Features, read_features
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration
 from uavgram.model.observations import Picks
-from uavgram.pipeline.pick.live_survey import LiveSurvey
-from uavgram.pipeline.pick.places import PredictedPlaces
+from uavgram.pipeline.match.predicted_places import PredictedPlaces
+from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.pipeline.ties import PairComparison, scale_of
 from uavgram.stages.match import MAX_RADIUS_PX, Pair, compute_radii
@@ -84,13 +84,13 @@ class FeaturePlaces:
 
     Parameters
     ----------
-    survey
+    inputs
         The project.
     """
 
-    def __init__(self, survey: LiveSurvey) -> None:
-        self._survey = survey
-        photos = survey.inputs.photos
+    def __init__(self, inputs: Inputs) -> None:
+        self._calibration = inputs.calibration
+        photos = inputs.photos
         self._names = photos.frame_id
         self._paths = dict(zip(photos.frame_id, photos.path, strict=True))
         self._features: LruCache[str, Features] = LruCache(
@@ -143,7 +143,7 @@ class FeaturePlaces:
     def _predict(self, source: str, target: str, picks: Picks, rows: list[int]) -> PredictedPlaces:
         """Predict picks of one photo in another; those without certain features are left out."""
         here, there = self._compare(source, target)
-        calibration = self._survey.inputs.calibration
+        calibration = self._calibration
         far = MAX_RADIUS_PX * scale_of(calibration)
         maps: dict[int, LocalMap] = {}
         if len(here):
@@ -184,7 +184,7 @@ class FeaturePlaces:
                 both = self._features.get(source), self._features.get(target)
             except InputError:  # reported where the photo is shown
                 return np.empty((0, 2)), np.empty((0, 2))
-            found = PairComparison(self._survey.inputs.calibration, both, None).compare((0, 1))
+            found = PairComparison(self._calibration, both, None).compare((0, 1))
             one, other = (both[k].pixel_px[found.rows[:, k]] for k in (0, 1))
             self._matched[source, target] = one, other
         return self._matched[source, target]
