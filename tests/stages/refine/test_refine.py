@@ -197,6 +197,28 @@ def test_a_triangle_reports_its_other_solutions(scene_factory: Callable[..., Sce
     assert several >= 5
 
 
+def test_other_solutions_keep_their_odds_when_the_noise_is_learnt(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    """All of them fit three lengths alike: with the noise that is learnt as well as without."""
+    scene = scene_factory(7, frames=1, labels=6, ends=((0, 1), (1, 2), (2, 0)), noise=0.0, **NO_LOG)
+    exact, rng, clicks = scene.survey, np.random.default_rng(2), 8
+    pixel = np.tile(exact.pixel_px, (clicks, 1))
+    survey = replace(
+        exact,
+        pick_frame=np.tile(exact.pick_frame, clicks),
+        pick_label=np.tile(exact.pick_label, clicks),
+        pixel_px=pixel + 2.5 * rng.normal(size=pixel.shape),
+        pick_sigma_px=np.ones(len(pixel)),
+        target_pick=np.tile(exact.target_pick, clicks),
+    )
+    refined, _ = refine(survey, SolveOptions())
+    assert refined.alternatives
+    assert refined.stated is not None
+    assert refined.stated.minimum.cost > 4.0 * refined.adjustment.minimum.cost
+    assert sum(probability for _, probability in refined.list_explanations()) > 0.3
+
+
 def test_three_lines_left_after_a_removal_warn_too(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(2, frames=6, ends=PAIRS[:4], **NO_LOG)
     survey = changed(scene.survey, "length_m", 1, 0.3)
@@ -411,7 +433,7 @@ def test_hundreds_of_frames_come_to_rest_and_are_honest(
 def test_two_lengths_without_log_say_how_many_are_needed(
     scene_factory: Callable[..., Scene],
 ) -> None:
-    survey = only_lines(scene_factory(4, ends=PAIRS, **NO_LOG).survey, 2)
+    survey = only_lines(scene_factory(4, ends=PAIRS, **NO_LOG | {"frames": 1}).survey, 2)
     with pytest.raises(GeometryError, match=r"three known lengths.*most here: 2 in 'f0'"):
         refine(survey, REPORT)
 

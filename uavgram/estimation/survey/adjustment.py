@@ -396,6 +396,9 @@ class Refined:
         Error sizes estimated from the residuals; None if they were not estimated.
     stated
         Same survey adjusted with the stated sigmas, if that is another adjustment.
+    compared
+        Adjustment with the sigmas of `alternatives` and `rival_clicks`, with which these are
+        compared; None: `adjustment`.
     off_ground
         Names of the labels whose heights are estimated, although they were not stated to be off the
         ground.
@@ -428,6 +431,7 @@ class Refined:
     pose_widened: Mapping[str, float] = field(default_factory=dict)
     noise: Noise | None = None
     stated: Adjustment | None = None
+    compared: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     rival_lines: frozenset[str] = frozenset()
     rival_clicks: Mapping[str, Adjustment] = field(default_factory=dict)
@@ -452,7 +456,8 @@ class Refined:
 
         The question which minimum is right is independent of the question which mistake was made.
         """
-        minima = tuple(map(self.explain, (*self.alternatives, *self.rival_clicks.values())))
+        rivals = (*self.alternatives, *self.rival_clicks.values())
+        minima = tuple(explain(self.compared or self.adjustment, one) for one in rivals)
         return tuple(
             (one.adjustment, float(probability))
             for group in (minima, *self.explanations)
@@ -461,15 +466,22 @@ class Refined:
             )
         )
 
-    def explain(self, other: Adjustment, prior_log_odds: float = 0.0) -> Explanation:
-        """Compute the odds of another minimum: the likelihood ratio times the prior odds.
 
-        Without the same observations the costs do not compare, and the ratio is taken as one.
-        """
-        here, there = self.adjustment.minimum, other.minimum
-        is_same = _count_residuals(here) == _count_residuals(there)
-        ratio = 0.5 * (here.cost - there.cost) if is_same else 0.0
-        return Explanation(other, ratio + prior_log_odds)
+def explain(here: Adjustment, other: Adjustment, prior_log_odds: float = 0.0) -> Explanation:
+    """Compute the odds of another minimum: the likelihood ratio times the prior odds.
+
+    Without the same observations the costs do not compare, and the ratio is taken as one.
+
+    Parameters
+    ----------
+    here, other
+        The result, and the other minimum, with the same sigmas.
+    prior_log_odds
+        Logarithm of the odds of the other one before the observations.
+    """
+    is_same = _count_residuals(here.minimum) == _count_residuals(other.minimum)
+    ratio = 0.5 * (here.minimum.cost - other.minimum.cost) if is_same else 0.0
+    return Explanation(other, ratio + prior_log_odds)
 
 
 def _count_residuals(minimum: Minimum[State]) -> int:

@@ -190,7 +190,7 @@ def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     # Report the sigmas with which the result was adjusted.
     noise = _describe_noise(used, adjustment, stated.survey, chance)
     return _apply_noise(used, survey), replace(
-        refined, adjustment=adjustment, noise=noise, stated=stated
+        refined, adjustment=adjustment, noise=noise, stated=stated, compared=stated
     )
 
 

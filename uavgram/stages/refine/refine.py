@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.survey.adjustment import Refined, Removal
+from uavgram.estimation.survey.adjustment import Refined, Removal, explain
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
@@ -126,7 +126,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     )
     mirrored = find_mirrored_solution(refined.adjustment)
     if mirrored is not None:
-        mirrored_explanation = refined.explain(mirrored, -PRIOR_LOG_ODDS)
+        mirrored_explanation = explain(refined.adjustment, mirrored, -PRIOR_LOG_ODDS)
         refined = replace(refined, explanations=(*refined.explanations, (mirrored_explanation,)))
         search.append(report_undecided())
     # Report a point off the ground once, with its adjusted height.

@@ -171,6 +171,7 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
     stayed = set(refined.adjustment.survey.frame_id)
     gross = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
     is_alone = len(gross) == 1 and not refined.line_removed.any()
+    is_alone &= not any(survey.label[survey.pick_label[k]] in refined.rival_clicks for k in gross)
     has_rivals = is_alone and bool(refined.rival_clicks or refined.rival_lines or refined.possible)
     if has_rivals and survey.frame_id[survey.pick_frame[gross[0]]] in stayed:
         yield _one_of(survey, refined, gross[0])
@@ -178,6 +179,8 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
         if has_rivals and index in gross:
             continue
         label = survey.label[survey.pick_label[index]]
+        if index in gross and label in refined.rival_clicks:
+            continue  # its picks contradict each other, and have a message for that
         name, why = survey.frame_id[survey.pick_frame[index]], reason.text
         if name not in stayed:
             frames.setdefault(name, Counter())[why] += 1
