@@ -18,6 +18,7 @@ from trust_world import (
     HOME,
     UNDULATION_M,
     Pose,
+    Survey,
     body_turn,
     draw_lens,
     geodetic_from_enu,
@@ -245,6 +246,71 @@ def test_of_two_photos_one_of_another_place_spoils_nothing(log: str | None) -> N
     first = row["reasons"][0]
     assert first["cause"] in ("photo-elsewhere", "frame-left-out")
     assert set(first["frames"]) >= set(survey.wrong["frames"])
+    assert max(map(abs, zs(row))) < 3.5
+
+
+def plant_wrong_click_at_a_length(survey: Survey, rng: np.random.Generator) -> None:
+    """Move one click on an end of a length by 15 to 400 px."""
+    taped = {end for line in survey.lines for end in line.ends}
+    picks = [pick for pick in survey.picks if pick.label in taped]
+    pick = picks[int(rng.integers(len(picks)))]
+    turn, far = rng.uniform(0, 6.28), np.exp(rng.uniform(np.log(15), np.log(400)))
+    most = [survey.lens.width - 2, survey.lens.height - 2]
+    pick.at = np.clip(pick.at + far * np.array([np.cos(turn), np.sin(turn)]), 1, most)
+
+
+@pytest.mark.parametrize(("log", "seed"), [("gps", 0), (None, 5)])
+def test_picks_in_a_small_copy_of_one_of_two_photos_are_named_and_spoil_nothing(
+    log: str | None, seed: int
+) -> None:
+    """They distort the points of both photos, so that lengths had been left out instead."""
+    rng = np.random.default_rng(seed)
+    survey = draw(replace(STRIP, photos=2, share=1.0, lengths=(6, 8), log=log), rng)
+    FAULTS["photo_half_size"].plant(survey, rng)
+    row = judged(survey, {"world": "strip", "fault": "photo_half_size", "seed": seed})
+    first = row["reasons"][0]
+    assert (first["cause"], set(first["frames"])) == (
+        "photo-picked-in-copy",
+        survey.wrong["frames"],
+    )
+    assert max(map(abs, zs(row))) < 3.5
+
+
+@pytest.mark.parametrize(
+    ("lengths", "tilt", "seed"),
+    [
+        (3, (20, 35), [1294290298, 109]),
+        (4, (0, 10), [2460935118, 104]),
+        (3, (55, 62), [2922785948, 106]),
+    ],
+)
+def test_of_two_clicks_on_the_end_of_a_length_no_wrong_one_is_taken_for_right(
+    lengths: int, tilt: tuple[float, float], seed: list[int]
+) -> None:
+    """With few lengths the photo has another pose with each click, and both may fit."""
+    rng = np.random.default_rng(seed)
+    world = replace(
+        BASES["single_no_log"],
+        clicks=2,
+        lengths=(lengths, lengths),
+        taped=(lengths + 1, lengths + 2),
+        tilt_deg=tilt,
+    )
+    survey = draw(world, rng)
+    plant_wrong_click_at_a_length(survey, rng)
+    row = judged(survey, {"world": "single_no_log", "fault": "click", "seed": 0})
+    assert max(map(abs, zs(row))) < 5.0
+
+
+@pytest.mark.parametrize("seed", [1001])
+def test_two_exchanged_control_points_are_left_out_without_a_log(seed: int) -> None:
+    """Of four points the exchanged ones agree with each other in a movement of their own."""
+    rng = np.random.default_rng(seed)
+    survey = draw(replace(STRIP, control=4, log=None), rng)
+    FAULTS["control_exchanged"].plant(survey, rng)
+    row = judged(survey, {"world": "strip", "fault": "control_exchanged", "seed": seed})
+    first = row["reasons"][0]
+    assert (first["cause"], set(first["labels"])) == ("control-left-out", survey.wrong["labels"])
     assert max(map(abs, zs(row))) < 3.5
 
 

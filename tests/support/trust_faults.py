@@ -213,6 +213,11 @@ def _elsewhere(at: np.ndarray, most: np.ndarray, rng: np.random.Generator) -> np
     return np.asarray(rng.uniform(0.05, 0.95, 2) * most)
 
 
+def _in_half_size(at: np.ndarray, most: np.ndarray, _: np.random.Generator) -> np.ndarray:
+    del most
+    return np.asarray((at + 0.5) / 2.0 - 0.5)
+
+
 # --- lengths ------------------------------------------------------------------------------------
 
 
@@ -227,6 +232,19 @@ def one_length(
         _blame_line(survey, line)
 
     return plant
+
+
+def readings_exchanged(survey: Survey, rng: np.random.Generator) -> None:
+    """Write the readings of two lengths in each other's row."""
+    pairs = [
+        (one, other)
+        for k, one in enumerate(survey.lines)
+        for other in survey.lines[:k]
+        if abs(one.length - other.length) > 0.7
+    ]
+    one, other = pairs[int(rng.integers(len(pairs)))]
+    one.length, other.length = other.length, one.length
+    survey.blame(lengths=[one.name, other.name])
 
 
 def _in_feet(length: float, _: np.random.Generator) -> float:
@@ -298,6 +316,13 @@ def control_shifted(survey: Survey, rng: np.random.Generator) -> None:
     survey.blame(labels=[label])
 
 
+def control_exchanged(survey: Survey, rng: np.random.Generator) -> None:
+    """Write the coordinates of two control points in each other's row."""
+    one, other = (str(x) for x in rng.choice(sorted(survey.control), 2, replace=False))
+    survey.control |= {one: survey.control[other], other: survey.control[one]}
+    survey.blame(labels=[one, other])
+
+
 def clock_wrong(survey: Survey, rng: np.random.Generator) -> None:
     """Set the camera's clock 2 to 5 s wrong, one way or the other."""
     survey.photo_time_s = survey.photo_time_s + rng.choice([-1, 1]) * rng.uniform(2.0, 3.5)
@@ -358,7 +383,13 @@ def _drop_unpicked(survey: Survey) -> None:
 _PICK = ("pick-", "label-elsewhere", "label-suspect")
 _SWAP = ("labels-swapped", "labels-swapped-everywhere", *_PICK)
 _LINE = ("line-", "lines-exchanged")
-_PHOTO = ("photo-mirrored", "photo-turned", "photo-elsewhere", "frame-left-out")
+_PHOTO = (
+    "photo-mirrored",
+    "photo-turned",
+    "photo-elsewhere",
+    "photo-picked-in-copy",
+    "frame-left-out",
+)
 _TAPES = ("lengths-factor", "lengths-offset", "lengths-wrong-unit", "lengths-", "tape-", "tapes-")
 _HEIGHT = ("point-off-ground", "height-", "heights-", *_PICK)
 
@@ -381,11 +412,17 @@ FAULTS: dict[str, Fault] = {
     "photo_elsewhere": Fault(
         plant=_changed_photo(_elsewhere, all_photos=False), causes=_PHOTO, bases=SEVERAL_PHOTOS
     ),
+    "photo_half_size": Fault(
+        plant=_changed_photo(_in_half_size, all_photos=False),
+        causes=(*_PHOTO, "other-camera"),
+        bases=SEVERAL_PHOTOS,
+    ),
     "length_percent": Fault(plant=one_length(_some_percent), causes=_LINE),
     "length_2m_short": Fault(plant=one_length(_metres_short), causes=_LINE),
     "length_in_feet": Fault(plant=one_length(_in_feet), causes=_LINE),
     "length_digits": Fault(plant=one_length(_digits_exchanged), causes=_LINE),
     "length_wrong_end": Fault(plant=wrong_end, causes=_LINE),
+    "readings_exchanged": Fault(plant=readings_exchanged, causes=_LINE),
     "all_in_feet": Fault(plant=all_lengths(factor=1 / FOOT_M), causes=_TAPES),
     "all_hook_10cm": Fault(plant=all_lengths(offset_m=0.1), causes=_TAPES),
     "level_tapes": Fault(
@@ -397,6 +434,12 @@ FAULTS: dict[str, Fault] = {
         plant=control_shifted,
         causes=("control-",),
         bases=WITH_LOG,
+        world={"control": 4},
+    ),
+    "control_exchanged": Fault(
+        plant=control_exchanged,
+        causes=("control-",),
+        bases=SEVERAL_PHOTOS,
         world={"control": 4},
     ),
     "clock_wrong": Fault(

@@ -463,6 +463,8 @@ class SurveyCorrection:
         Picks to remove.
     pixel_of_pick
         Pick to its correct column and row [px], for a photo that was mirrored or turned.
+    enlarged
+        Pick to the factor of its sigma, for a photo that was picked at another scale.
     length_m
         Known length to its correct value [m].
     ends
@@ -478,6 +480,7 @@ class SurveyCorrection:
     label_of_pick: Mapping[int, int] = field(default_factory=dict)
     without_picks: frozenset[int] = frozenset()
     pixel_of_pick: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    enlarged: Mapping[int, float] = field(default_factory=dict)
     length_m: Mapping[int, float] = field(default_factory=dict)
     ends: Mapping[int, Ends] = field(default_factory=dict)
     without_lines: frozenset[int] = frozenset()

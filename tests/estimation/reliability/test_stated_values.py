@@ -50,3 +50,10 @@ def test_where_coordinates_lie_is_told_by_distance_sigma_and_side() -> None:
     assert describe_displacement(np.array([0.0, 2e6, 0.0]), sigma).startswith("2000 km from")
     assert explain_coordinates(np.array([0.0, 2e6, 0.0]), np.zeros(3))
     assert not explain_coordinates(np.array([0.0, 200.0, 0.0]), np.zeros(3))
+
+
+def test_exchanged_coordinates_are_named_by_the_other_point() -> None:
+    every = {"A": np.array([3.0, 8.0, 0.0]), "B": np.array([30.0, 9.0, 0.0])}
+    found = every["B"] + [0.02, 0.01, 0.0]
+    assert "'B'" in explain_coordinates(every["A"], found, every)
+    assert not explain_coordinates(every["A"], found + 5.0, every)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from uavgram.model.arrays import Floats
@@ -99,18 +101,27 @@ def describe_displacement(off_m: Floats, sigma_m: Floats) -> str:
     return f"{size} from where it was found (sigma {sigma:.2g} m), {_describe_direction(direction)}"
 
 
-def explain_coordinates(stated_m: Floats, found_m: Floats) -> str:
+def explain_coordinates(
+    stated_m: Floats, found_m: Floats, every_m: Mapping[str, Floats] | None = None
+) -> str:
     """Return the probable mistake in wrong coordinates, in brackets; empty if none is likely.
 
     Parameters
     ----------
     stated_m, found_m
         (3,) east, north, up of a point, as stated and as found.
+    every_m
+        Stated coordinates (3,) of all points, by label.
     """
     off_m = float(np.linalg.norm(stated_m - found_m))
     turned_off_m = float(np.linalg.norm(stated_m[[1, 0, 2]] - found_m))
     if turned_off_m < MAX_EXCHANGED_SHARE * off_m:
         return " (east and north exchanged?)"
+    # Another point's coordinates, if this is much nearer than all others.
+    away_m = {name: float(np.linalg.norm(at - found_m)) for name, at in (every_m or {}).items()}
+    nearest, *rest = sorted(away_m, key=away_m.__getitem__) or [""]
+    if rest and away_m[nearest] < MAX_EXCHANGED_SHARE * min(off_m, away_m[rest[0]]):
+        return f" (found at the coordinates of {nearest!r}: exchanged?)"
     is_far = off_m > FAR_M
     return " (latitude and longitude swapped, a wrong sign, another system?)" if is_far else ""
 

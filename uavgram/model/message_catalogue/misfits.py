@@ -515,6 +515,16 @@ FOUND_CAUSES = (
         several="{frames} seem to be taken at another zoom or with another camera.",
     ),
     Entry(
+        "photo-picked-in-copy",
+        WARNING,
+        finding="A photo fits only if its points were picked in a smaller copy of it.",
+        action="Pick it again in the original photo.",
+        effect=Effect.DOUBTFUL,
+        order=Order.CAUSE_OF_ONE,
+        one="{frames} seems to have been picked in a smaller copy.",
+        several="{frames} seem to have been picked in smaller copies.",
+    ),
+    Entry(
         "photo-mirrored",
         WARNING,
         finding="A photo fits only if left and right are exchanged.",

@@ -269,7 +269,7 @@ def _report_suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[M
     if len(off) < FEW_CHECKS or 2 * len(off) <= len(checks.label):
         return [_off(checks, int(i), explain_coordinates(stated_m[i], found_m[i])) for i in off]
     middle, sigma = (np.median(each[off], axis=0) for each in (-checks.error_m, checks.sigma_m))
-    likely = explain_coordinates(*(np.median(each[off], axis=0) for each in (stated_m, found_m)))
+    likely = explain_coordinates(np.median(stated_m[off], axis=0), np.median(found_m[off], axis=0))
     text = (
         f"{len(off)} of {len(checks.label)} check points are off, the median "
         f"{describe_displacement(middle, sigma)}. Check their common data: the datum of their "

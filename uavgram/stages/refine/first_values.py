@@ -5,8 +5,9 @@ Also frames in doubt, which begin once more: their pose may be the wrong planar 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.special import chdtri
@@ -70,15 +71,27 @@ def find_first_values(survey: Survey) -> list[FirstValues]:
     shown = replace_matches_by_picks(survey)
     begun = find_frame_planes(shown, _compute_rays(shown))
     counts, planes = begun.counts, begun.planes
+    own: list[ChosenPoses] = []
+    if planes:
+        first = max(planes, key=lambda f: (counts[f], -f))
+        own = [{first: pose_above_plane(p)} for p in planes[first]]
     if survey.gauge == "world":
-        return _extend_choices(survey, planes, _list_choices(survey))
+        on_control = _extend_choices(survey, planes, _list_choices(survey))
+        if _is_any_placed(on_control):
+            return on_control
+        local = _extend_choices(replace(survey, gauge="plane"), planes, own)
+        moved = [_move_to_control(survey, values) for values in local]
+        if not _is_any_placed(moved):
+            raise GeometryError(
+                "without a flight log a photo is placed by four control points in it, or two and "
+                "three known lengths, or six points on four lines of known position: pick more of "
+                "them, or give the log"
+            )
+        return moved
     chosen = [tied for tied in _list_choices(survey)[:1] if tied]
     if not planes and not chosen:
         raise GeometryError(describe_missing_input(shown, begun))
-    if planes:
-        first = max(planes, key=lambda f: (counts[f], -f))
-        chosen += [{first: pose_above_plane(p)} for p in planes[first]]
-    return _extend_choices(survey, planes, chosen)
+    return _extend_choices(survey, planes, chosen + own)
 
 
 def find_other_first_values(
@@ -247,13 +260,72 @@ def _extend_choices(
         poses_found = add_turned_frames(survey, network.center + lift, network.rotation)
         grown = FirstValues(network.point, *poses_found, height, nothing)
         values.append(add_free_points(survey, grown if control else _move_to_gauge(grown)))
-    if all(np.isnan(each.center).all() for each in values):
-        raise GeometryError(
-            "without a flight log a photo is placed by four control points in it, or two and three "
-            "known lengths, or six points on four lines of known position: pick more of them, or "
-            "give the log"
-        )
     return values
+
+
+def _is_any_placed(values: Sequence[FirstValues]) -> bool:
+    """Return whether any first values place a photo."""
+    return any(np.isfinite(each.center).any() for each in values)
+
+
+MOST_EXCHANGED = 12
+"""Number of control points up to which exchanges of two of them are tried."""
+
+AGREEMENT_SHARE = 0.02
+"""Largest distance of a control point from its place in the network of photos, as a share of the
+extent of all control, to agree."""
+
+
+def _move_to_control(survey: Survey, values: FirstValues) -> FirstValues:
+    """Rotate and shift first values onto the control; NaN where fewer than two points agree."""
+    up = estimate_ground_height(survey)
+    here, there = values.point_m[survey.control_label], survey.control_world_m[:, :2]
+    agree = find_agreeing_control(here, there)
+    turn, shift = np.full((3, 3), np.nan), np.full(3, np.nan)
+    if agree.any():
+        turn, shift = align_in_plane(here[agree], there[agree])
+    return FirstValues(
+        values.point_m @ turn[:2, :2].T + shift[:2],
+        values.center @ turn.T + shift + np.array([0.0, 0.0, up]),
+        turn @ values.rotation,
+        up,
+        values.departure_m,
+    )
+
+
+def find_agreeing_control(here: Floats, there: Floats) -> Bools:
+    """Mark the control points (n,) that one movement takes to their places; none of fewer than two.
+
+    Each pair of points gives a movement, and the one with which most others agree counts. Of four
+    points two may be exchanged, and these two agree in another movement: the exchange with which
+    more than one other point agrees decides.
+
+    Parameters
+    ----------
+    here, there
+        (n, 2) places in a network of photos, NaN where it has none; places as they are known.
+    """
+    known = np.flatnonzero(np.isfinite(here[:, 0])).tolist()
+    best = _find_agreeing(here, there, known)
+    for pair in combinations(known, 2) if len(known) <= MOST_EXCHANGED else ():
+        exchanged = there.copy()
+        exchanged[list(pair)] = there[list(reversed(pair))]
+        agree = _find_agreeing(here, exchanged, known)
+        if agree.sum() > best.sum() + 1:
+            best = agree & ~np.isin(np.arange(len(here)), pair)
+    return best
+
+
+def _find_agreeing(here: Floats, there: Floats, known: Sequence[int]) -> Bools:
+    """Mark the points (n,) that agree with the best movement; none of fewer than two."""
+    best = np.zeros(len(here), dtype=np.bool_)
+    for pair in combinations(known, 2):
+        turn, shift = align_in_plane(here[list(pair)], there[list(pair)])
+        off = np.linalg.norm(here @ turn[:2, :2].T + shift[:2] - there, axis=1)
+        agree = off < AGREEMENT_SHARE * np.ptp(there, axis=0).max()
+        if agree.sum() > max(best.sum(), 1):
+            best = np.asarray(agree)
+    return best
 
 
 def _state_control_heights(survey: Survey, height_m: float) -> Survey:

@@ -14,6 +14,7 @@ from uavgram.estimation.first_poses.known_frames import (
     find_known_planes,
 )
 from uavgram.estimation.first_poses.length_poses import OUTSIDE_PROBABILITY
+from uavgram.estimation.first_poses.shared_plane import find_shared_planes
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey import Survey
 
@@ -58,7 +59,8 @@ def _planes(
 ) -> dict[int, Floats]:
     """Find planes (n, 3) of frames; contradictory frames only where there are no others.
 
-    A frame whose lengths determine its pose needs no more than these.
+    A frame whose lengths determine its pose needs no more than these. Where no frame has a plane of
+    its own, two that share points of the ground have one.
 
     Parameters
     ----------
@@ -80,7 +82,8 @@ def _planes(
         for f, (plane, cost, count) in candidates.items()
         if cost <= float(chdtri(max(count - 3, 1), OUTSIDE_PROBABILITY))
     }
-    return kept or {f: plane for f, (plane, _, _) in candidates.items()}
+    every = kept or {f: plane for f, (plane, _, _) in candidates.items()}
+    return every or find_shared_planes(survey, ray)
 
 
 def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
@@ -89,8 +92,9 @@ def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
     if not seen:
         return (
             "without a flight log a photo is placed by three known lengths that it shows whole "
-            f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}): pick both "
-            "ends of more lines in one photo, tape a fourth, or give the log"
+            f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}), or two "
+            "photos by one length and six points of the ground that both show: pick both ends of "
+            "more lines in one photo, more points in two, or give the log"
         )
     frame = max(seen, key=lambda f: (seen[f].scaled, seen[f].rows, -f))
     known, name = seen[frame], survey.frame_id[frame]

@@ -44,7 +44,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import join_photo_names
 from uavgram.model.survey import Ground, Survey
-from uavgram.stages.refine.first_values import find_first_values
+from uavgram.stages.refine.first_values import find_agreeing_control, find_first_values
 from uavgram.stages.refine.left_out import (
     report_control_left_out,
     report_heights_left_out,
@@ -83,6 +83,10 @@ them the search is skipped."""
 
 MOST_IN_PAIRS = 7
 """Largest number of lengths that are left out in pairs, without a log."""
+
+SEVERAL_PHOTOS, MOST_LENGTHS_ALONE = 3, 3
+"""Number of photos that show the shape of the ground without lengths; and largest number of lengths
+that give its size in turn."""
 
 MOST_GROSS_OF_A_PHOTO = 4
 """Number of gross errors that a photo counts as where it is left out: three picks determine its
@@ -187,8 +191,8 @@ class Robust:
             what = f"{label!r} in {join_photo_names(frames)}"
             text = (
                 f"The picks of {what} contradict each other. Nothing shows which of them is wrong, "
-                "so the point is uncertain by as much as they differ. Pick it again in these "
-                "photos, or in another one too."
+                "so what depends on it is uncertain by as much as they differ. Pick it again in "
+                "these photos, or in another one too."
             )
             several = MessagePlural(
                 "The picks of {count} points contradict each other",
@@ -521,7 +525,13 @@ def _try_without_references(
         Candidates so far, that of least cost first.
     """
     whole, most = _add_small_roughness(taking), _most_of_a_rival(taking, found)
-    for part in chain(_leave_out_each_known_thing(whole), _leave_out_each_length(whole)):
+    parts = (
+        _leave_out_contradicting_control,
+        _leave_out_each_known_thing,
+        _leave_out_each_length,
+        _leave_out_all_but_a_length,
+    )
+    for part in chain.from_iterable(leave_out(whole) for leave_out in parts):
         yield from _adjust_from_reduced(part, whole, taking, most)
 
 
@@ -702,6 +712,24 @@ def _sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list
     )
 
 
+def _leave_out_contradicting_control(whole: Participants) -> Iterator[Participants]:
+    """Leave out the control that contradicts most other control in the network of the photos."""
+    survey = whole.survey
+    if survey.telemetry is not None or len(survey.control_label) < 3:
+        return
+    without = select_control(survey, np.zeros(len(survey.control_label), dtype=np.bool_))
+    network = adjust_on_trial(replace(whole, survey=replace(without, gauge="plane")), QUICK_TRIAL)
+    if network is None:
+        return
+    names = [survey.label[k] for k in survey.control_label]
+    row = network.adjustment.label_rows(names)
+    point = network.adjustment.state.point[row, :2]
+    here = np.where(row[:, None] >= 0, point, np.nan)
+    agree = find_agreeing_control(here, survey.control_world_m[:, :2])
+    if agree.any() and not agree.all():
+        yield replace(whole, survey=select_control(survey, agree))
+
+
 def _leave_out_each_known_thing(whole: Participants) -> Iterator[Participants]:
     """Leave out each known thing, and all control points or, where no log places photos, each."""
     survey, number = whole.survey, len(whole.survey.control_label)
@@ -728,6 +756,23 @@ def _leave_out_each_length(whole: Participants) -> Iterator[Participants]:
     is_alone = len(np.unique(survey.pick_frame[whole.keep])) == 1
     if (survey.telemetry is None or is_alone) and 3 < len(lines) <= MOST_STARTS:
         yield from (whole.leave_out_lines([line]) for line in lines)
+
+
+def _leave_out_all_but_a_length(whole: Participants) -> Iterator[Participants]:
+    """Leave out all references but one length, where several photos show the shape of the ground.
+
+    Several wrong lengths, as at a label that is swapped, may distort the first values of all
+    photos.
+    """
+    survey, lines = whole.survey, np.flatnonzero(~whole.line_removed)
+    photos = len(np.unique(survey.pick_frame[whole.keep]))
+    if survey.telemetry is not None or photos < SEVERAL_PHOTOS or not len(lines):
+        return
+    without = select_control(survey, np.zeros(len(survey.control_label), dtype=np.bool_))
+    longest = lines[np.argsort(-survey.length_m[lines], kind="stable")][:MOST_LENGTHS_ALONE]
+    for line in longest.tolist():
+        rest = np.setdiff1d(lines, line).tolist()
+        yield replace(whole.leave_out_lines(rest), survey=without)
 
 
 def _adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
@@ -1055,6 +1100,7 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
     """
     if not agreed:
         return None
+    agreed = _sort_by_cost(taking, [*agreed, *_try_other_clicks(taking, agreed[0])])
     if _has_open_length(agreed[0]):
         instead = (one for one in _try_single_error(agreed[0], ["pixels"]) if not one.misplaced)
         agreed = _sort_by_cost(taking, [*agreed, *instead])
@@ -1085,13 +1131,43 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
         same = other.adjustment.survey.label == refined.adjustment.survey.label
         if len(lines) and same:
             minima.append(other.adjustment)
+        if picks and same:
+            minima.extend(other.alternatives)
     refined = replace(
         refined,
         alternatives=tuple(minima),
         rival_lines=frozenset(rivals),
         rival_clicks=clicks,
     )
-    return replace(robust, refined=refined)
+    # Of two clicks of one point in a photo either may be wrong.
+    label, own = robust.survey.label, robust.survey.pick_label
+    both = {label[own[k]] for k in _list_gross_picks(refined)} & clicks.keys()
+    contradicting = tuple(sorted({*robust.contradicting, *both}))
+    return replace(robust, refined=refined, contradicting=contradicting)
+
+
+def _try_other_clicks(taking: Participants, candidate: Candidate) -> Iterator[Candidate]:
+    """Adjust robustly with a gross click of a point in place of the others in the same photo.
+
+    A wrong click on the end of a length leads to another pose, in which the right one is gross.
+    """
+    survey = taking.survey
+    gross = np.setdiff1d(candidate.first.pick_index, candidate.used)
+    gross = gross[_are_ends(survey, survey.pick_label[gross])]
+    if not 0 < len(gross) <= MOST_ALTERNATIVES:
+        return
+    whole = _add_small_roughness(taking)
+    place = survey.pick_frame * len(survey.label) + survey.pick_label
+    for pick in gross.tolist():
+        others = np.setdiff1d(np.flatnonzero(whole.keep & (place == place[pick])), pick)
+        if len(others):
+            rest = whole.leave_out_picks(dict.fromkeys(others.tolist(), DISAGREEING))
+            yield from _adjust_from_reduced(rest, whole, taking)
+
+
+def _are_ends(survey: Survey, label: Ints) -> Bools:
+    """Mark the labels (n,) at which a length ends."""
+    return np.asarray(np.isin(label, survey.line_start) | np.isin(label, survey.line_end))
 
 
 def _list_gross_picks(refined: Refined) -> set[int]:
@@ -1231,12 +1307,18 @@ def _find_contradicting(found: Annealed) -> list[int]:
     number, wrong = (np.bincount(of, minlength=label.max() + 1) for of in (label, label[gross]))
     # Labels with at least half of their picks gross.
     asked = np.flatnonzero((number > 1) & (2 * wrong >= number)).tolist()
+    # At the end of a length each click is tried in place of the others (`_try_other_clicks`).
+    survey = found.problem.survey
+    place = survey.pick_frame * len(number) + label
+    repeated = label[gross & np.isin(place, place[~gross])]
+    tried = set(repeated[_are_ends(survey, repeated)].tolist())
     return [
         k
         for k in asked
         if wrong[k] == number[k]
         or (
-            not _shows_photo_at_fault(found, gross, label == k)
+            k not in tried
+            and not _shows_photo_at_fault(found, gross, label == k)
             and _is_as_good(found, gross, label == k)
         )
     ]

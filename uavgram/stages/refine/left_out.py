@@ -116,6 +116,8 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
     if not len(control):
         return
     found, covariance = _find_adjusted_control(survey, refined, control)
+    named = (survey.label[k] for k in survey.control_label)
+    every = dict(zip(named, survey.control_world_m, strict=True))
     for k, i in enumerate(control.tolist()):
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
@@ -123,7 +125,7 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
         where, likely = "not placed by anything else", ""  # as by one photo without its height
         if np.isfinite(found[k]).all():
             where = describe_displacement(stated - found[k], sigma)
-            likely = explain_coordinates(stated, found[k])
+            likely = explain_coordinates(stated, found[k], every)
         text = (
             f"The control point {label!r} was left out: it is {where}, and with it nothing else "
             f"would fit. Look at its coordinates{likely}, its label and its picks."

@@ -16,7 +16,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise
-from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
 from uavgram.stages.refine.causes.other_camera import MIN_DIFFERENCE, propose_other_zoom
 from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.gross_errors import MISPLACED, adjust_robustly
@@ -242,3 +242,28 @@ def check_distance(scene: Scene, refined: Refined) -> None:
     sigma = np.sqrt(adjustment.minimum.factor.variances(unknowns, gradient))
     error = length - np.linalg.norm(scene.world[0] - scene.world[7])
     assert np.abs(error / sigma).max() < 3.5
+
+
+@pytest.mark.parametrize("size", [0.5, 0.6])
+def test_picks_in_a_small_copy_are_errors_of_pixels_of_the_copy(
+    scene_factory: Callable[..., Scene], size: float
+) -> None:
+    """Enlarged, they are less exact by as much: without it the right cause would not fit."""
+    survey = scene_factory(3003, **OPTIONS).survey
+    own = np.flatnonzero(survey.pick_frame == 2)
+    pixel = np.array(survey.pixel_px)
+    exact = scene_factory(3003, **EXACT | {"noise": 0.0}).survey.pixel_px[own]
+    noise = np.random.default_rng(1).normal(size=exact.shape) * survey.pick_sigma_px[own, None]
+    pixel[own] = (exact + 0.5) * size - 0.5 + noise
+    copied = replace(survey, pixel_px=pixel)
+    (hypothesis,) = [
+        one
+        for one in propose_other_zoom(diagnosis(copied, misplaced=True))
+        if one.message is not None and one.message(None).code == "photo-picked-in-copy"
+    ]
+    assert hypothesis.mend is not None
+    mended = correct_survey(copied, hypothesis.mend)
+    enlarged = mended.pick_sigma_px[own] / survey.pick_sigma_px[own]
+    np.testing.assert_allclose(enlarged, 1.0 / size, rtol=0.05)
+    _, (message, *_) = refine(copied, SolveOptions(noise="stated"))
+    assert (message.code, message.frames) == ("photo-picked-in-copy", ("f2",))

@@ -254,12 +254,15 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
         Correction, by index into them.
     """
     label, pixel = survey.pick_label.copy(), survey.pixel_px.copy()
+    sigma_px = survey.pick_sigma_px.copy()
     start, end = survey.line_start.copy(), survey.line_end.copy()
     length, free = survey.length_m.copy(), survey.is_free.copy()
     for pick, right in mend.label_of_pick.items():
         label[pick] = right
     for pick, place in mend.pixel_of_pick.items():
         pixel[pick] = place
+    for pick, factor in mend.enlarged.items():
+        sigma_px[pick] *= factor
     for line, value in mend.length_m.items():
         length[line] = value
     for line, ends in mend.ends.items():
@@ -276,6 +279,7 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
         survey,
         pick_label=label,
         pixel_px=pixel,
+        pick_sigma_px=sigma_px,
         line_start=start,
         line_end=end,
         length_m=length,

@@ -215,7 +215,7 @@ def _identify_in_turn(
             wrong |= _list_wrong_picks(best, rival)
         if best.after is None:
             break
-        diagnosis = best.after
+        diagnosis = _take_back(best.after)
     cost = diagnosis.cost + price
     return IdentifiedCauses(
         tuple(causes),
@@ -227,6 +227,18 @@ def _identify_in_turn(
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
     )
+
+
+def _take_back(diagnosis: Diagnosis) -> Diagnosis:
+    """Readjust with all that was left out, and return the better state.
+
+    After the correction of a mistake, readings may fit that had contradicted it.
+    """
+    if not diagnosis.left_out:
+        return diagnosis
+    every = Hypothesis(message=None, mend=SurveyCorrection(), is_of_all=True)
+    judged = try_hypothesis(diagnosis, JudgedHypothesis(every, None, 0.0, 0.0))
+    return judged.after if judged.after is not None and judged.odds > 0.0 else diagnosis
 
 
 def _list_explanations(

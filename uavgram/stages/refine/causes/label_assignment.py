@@ -55,7 +55,7 @@ def assign_labels(diagnosis: Diagnosis, frame: int, picks: Ints) -> Ints:
     ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
     near = AGREEMENT_SIGMAS * survey.pick_sigma_px[picks] / camera.parameters[0]
     none = np.full(len(picks), -1)
-    if not np.isfinite(ray).all():
+    if not len(label) or not np.isfinite(ray).all():
         return none
     if survey.seeds is None:
         # Without a log: begin with the picks whose own labels agree on a pose.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,13 +22,19 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey import Survey, SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
-from uavgram.stages.refine.causes.stray_picks import labels_of
+from uavgram.stages.refine.causes.hypothesis import (
+    GROSS_ERROR_LOG_ODDS,
+    Diagnosis,
+    Hypothesis,
+    correct_participants,
+)
+from uavgram.stages.refine.causes.other_poses import MOST_PHOTOS
 from uavgram.stages.refine.causes.turned_photos import (
     find_misplaced_photos,
     find_photos_against_log,
     picks_of,
 )
+from uavgram.stages.refine.minima import QUICK_TRIAL, adjust_on_trial
 
 MIN_DECREASE, MAX_PHOTOS = 16.0, 4
 """Least decrease of the sum of squares by a zoom of its own, for a photo to be examined; and
@@ -39,26 +46,137 @@ ZOOM_FACTORS = np.exp(np.linspace(-1.0, 1.0, 101))
 MIN_DIFFERENCE = 0.03
 """Least relative difference of the focal length from that of all others for another zoom."""
 
+SMALLEST_COPY, LARGEST_COPY = 0.1, 0.8
+"""Sizes of a copy of a photo, as shares of the photo's; no pick lies beyond the copy."""
+
+COPY_SIZES = np.exp(np.linspace(np.log(SMALLEST_COPY / 1.1), np.log(LARGEST_COPY * 1.1), 101))
+"""Sizes of a copy that are tried for a photo."""
+
+MAX_IMPROVEMENTS, MIN_IMPROVEMENT = 4, 0.1
+"""Largest number of adjustments that improve a scale, and the decrease of the sum of squares below
+which none follows."""
+
+CORNER_PX = np.array([-0.5, -0.5])
+"""Corner of a photo: (0, 0) is the centre of its first pixel."""
+
+
+class _Scale(NamedTuple):
+    """Factor of a photo's scale about a pixel (2,), and the decrease of the sum of squares."""
+
+    factor: float
+    fixed_px: Floats
+    gain: float
+
 
 def propose_other_zoom(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose another focal length for single photos."""
-    survey, camera = diagnosis.survey, diagnosis.survey.calibration
-    middle = camera.parameters[2:4]
-    for frame, gain in _find_strained_photos(diagnosis).items():
+    """Propose another focal length for single photos, or picks in a smaller copy of a photo."""
+    survey = diagnosis.survey
+    every = np.unique(survey.pick_frame)
+    is_distorted = len(every) <= MOST_PHOTOS  # either may distort all points
+    gains = dict.fromkeys(every.tolist(), 0.0) if is_distorted else _find_strained_photos(diagnosis)
+    for frame, gain in gains.items():
         picks = picks_of(diagnosis, frame)
-        factor = _find_zoom(diagnosis, frame, picks)
-        if factor is None or abs(factor - 1.0) < MIN_DIFFERENCE:
+        other = _adjust_others(diagnosis, frame) if is_distorted else diagnosis
+        if other is None:
             continue
-        pixel = middle + (survey.pixel_px[picks] - middle) / factor
-        places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
-        yield Hypothesis(
-            message=partial(_report_other_zoom, survey.frame_id[frame], factor),
-            mend=SurveyCorrection(pixel_of_pick=places),
-            remedy=SurveyCorrection(without_picks=frozenset(picks.tolist())),
-            promise=gain,
-            price=GROSS_ERROR_LOG_ODDS + float(np.log(len(survey.frame_id))),
-            settles=frozenset([survey.frame_id[frame]]),
+        found = (
+            (_find_zoom(diagnosis, other.adjustment, picks), _report_other_zoom),
+            (_find_copy(diagnosis, other.adjustment, picks), _report_copy),
         )
+        for rough, report in found:
+            scale = rough
+            if rough is not None and is_distorted:
+                scale = _improve_scale(diagnosis, picks, rough)
+            if scale is None or abs(scale.factor - 1.0) < MIN_DIFFERENCE:
+                continue
+            yield Hypothesis(
+                message=partial(report, survey.frame_id[frame], scale.factor),
+                mend=_enlarge_picks(survey, picks, scale),
+                remedy=SurveyCorrection(without_picks=frozenset(picks.tolist())),
+                is_of_all=is_distorted,
+                promise=max(gain, scale.gain),
+                price=GROSS_ERROR_LOG_ODDS + float(np.log(len(survey.frame_id))),
+                settles=frozenset([survey.frame_id[frame]]),
+            )
+
+
+def _find_zoom(diagnosis: Diagnosis, seen: Adjustment, picks: Ints) -> _Scale | None:
+    """Find the zoom of a photo, by its picks (n,); None without a pose."""
+    middle = diagnosis.survey.calibration.parameters[2:4]
+    factor = _find_factor(diagnosis, seen, picks, ZOOM_FACTORS, middle)
+    return None if factor is None else _Scale(factor, middle, 0.0)
+
+
+def _find_copy(diagnosis: Diagnosis, seen: Adjustment, picks: Ints) -> _Scale | None:
+    """Find the size of the copy in which picks (n,) of a photo were made; None without one."""
+    size = _find_factor(diagnosis, seen, picks, COPY_SIZES, CORNER_PX)
+    if size is None or not _find_reach(diagnosis.survey, picks) < size < LARGEST_COPY:
+        return None
+    return _Scale(size, CORNER_PX, 0.0)
+
+
+def _enlarge_picks(survey: Survey, picks: Ints, scale: _Scale) -> SurveyCorrection:
+    """Correct picks (n,) that were taken at another scale of the photo, where their errors were."""
+    pixel = scale.fixed_px + (survey.pixel_px[picks] - scale.fixed_px) / scale.factor
+    places = zip(picks.tolist(), pixel.tolist(), strict=True)
+    return SurveyCorrection(
+        pixel_of_pick={pick: (u, v) for pick, (u, v) in places},
+        enlarged=dict.fromkeys(picks.tolist(), 1.0 / scale.factor),
+    )
+
+
+def _adjust_others(diagnosis: Diagnosis, frame: int) -> Diagnosis | None:
+    """Adjust the survey without a photo, with all lengths; None without a result."""
+    own = np.flatnonzero(diagnosis.survey.pick_frame == frame)
+    return _adjust_corrected(diagnosis, SurveyCorrection(without_picks=frozenset(own.tolist())))
+
+
+def _adjust_corrected(diagnosis: Diagnosis, mend: SurveyCorrection) -> Diagnosis | None:
+    """Adjust a corrected survey with all that was left out; None without a result."""
+    back = frozenset(np.flatnonzero(diagnosis.spoilt).tolist()) - mend.without_picks
+    taking = correct_participants(diagnosis, mend, back, lines_back=True)
+    refined = adjust_on_trial(taking, QUICK_TRIAL)
+    return None if refined is None else Diagnosis(taking, refined)
+
+
+def _improve_scale(diagnosis: Diagnosis, picks: Ints, scale: _Scale) -> _Scale | None:
+    """Improve the scale of a photo by an adjustment with it, and a linear test.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    picks
+        (n,) the photo's picks.
+    scale
+        Approximate scale.
+
+    Returns
+    -------
+    None where the adjustment does not converge.
+    """
+    for _ in range(MAX_IMPROVEMENTS):
+        after = _adjust_corrected(diagnosis, _enlarge_picks(diagnosis.survey, picks, scale))
+        if after is None or not after.adjustment.minimum.converged:
+            return None
+        small = after.adjustment.survey
+        rows = np.flatnonzero(np.isin(after.refined.pick_index, picks))
+        away = (small.pixel_px[rows] - scale.fixed_px) / small.pick_sigma_px[rows, None]
+        change = (ObservationChange("pixels", rows, away[:, :, None]),)
+        (test,) = compare_hypotheses(after.adjustment, [change], MIN_SHARE_OF_CAMERA)
+        scale = scale._replace(
+            factor=scale.factor * float(np.exp(np.clip(test.value[0], -0.2, 0.2))),
+            gain=diagnosis.cost - after.cost + test.gain,
+        )
+        if test.gain < MIN_IMPROVEMENT:
+            break
+    return scale
+
+
+def _find_reach(survey: Survey, picks: Ints) -> float:
+    """Return the size of the smallest copy that contains some picks, as a share of the photo's."""
+    size = [survey.calibration.width_px, survey.calibration.height_px]
+    return float(((survey.pixel_px[picks] - CORNER_PX) / size).max())
 
 
 def _find_strained_photos(diagnosis: Diagnosis) -> dict[int, float]:
@@ -84,47 +202,50 @@ def _find_strained_photos(diagnosis: Diagnosis) -> dict[int, float]:
     return {k: found[k] for k in worst}
 
 
-def _find_zoom(diagnosis: Diagnosis, frame: int, picks: Ints) -> float | None:
-    """Find a photo's factor of the focal length that fits points and log best; None without pose.
+def _find_factor(
+    diagnosis: Diagnosis, seen: Adjustment, picks: Ints, factors: Floats, fixed_px: Floats
+) -> float | None:
+    """Find the factor of a photo's scale that fits points and log best; None without a pose.
 
     Parameters
     ----------
-    diagnosis, frame
-        The survey, and one of its photos.
+    diagnosis, seen
+        The survey, and an adjustment with the points of the photo.
     picks
-        (n,) its picks.
+        (n,) the photo's picks.
+    factors
+        Ascending factors, in equal ratios.
+    fixed_px
+        (2,) pixel that all scales share.
     """
     survey, camera = diagnosis.survey, diagnosis.survey.calibration
-    label = labels_of(diagnosis)[survey.pick_label[picks]]
+    label = seen.label_rows(survey.label)[survey.pick_label[picks]]
     known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
     if len(known) <= MIN_PICKS:
         return None
-    world = diagnosis.adjustment.state.point[label[known], :2]
-    middle = camera.parameters[2:4]
+    world = seen.state.point[label[known], :2]
     # Scale the pixels before the distortion is removed, as that belongs to the lens.
-    pixel = middle + (survey.pixel_px[picks[known]] - middle) / ZOOM_FACTORS[:, None, None]
+    pixel = fixed_px + (survey.pixel_px[picks[known]] - fixed_px) / factors[:, None, None]
     ray = back_project(camera.model, camera.parameters, pixel.reshape(-1, 2))
     every = (ray / ray[:, 2:]).reshape(*pixel.shape[:2], 3)
     sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
-    center, whitening = _by_the_log(diagnosis, frame)
-    cost = np.full(len(ZOOM_FACTORS), np.inf)
-    for k, factor in enumerate(ZOOM_FACTORS):
-        zoomed = every[k]
-        pose = resect_from_plane(world, zoomed) if np.isfinite(zoomed).all() else None
+    center, whitening = _by_the_log(diagnosis, int(survey.pick_frame[picks[0]]))
+    cost = np.full(len(factors), np.inf)
+    for k, factor in enumerate(factors):
+        scaled = every[k]
+        pose = resect_from_plane(world, scaled) if np.isfinite(scaled).all() else None
         if pose is None or pose[0][2] <= 0:
             continue
-        off = (project_plane(world, pose) - zoomed[:, :2]) * factor / sigma[:, None]
-        lifted = pose[0] + np.array([0.0, 0.0, diagnosis.adjustment.state.plane[0]])
+        off = (project_plane(world, pose) - scaled[:, :2]) * factor / sigma[:, None]
+        lifted = pose[0] + np.array([0.0, 0.0, seen.state.plane[0]])
         cost[k] = np.sum(off**2) + np.sum((whitening @ (lifted - center)) ** 2)
     best = int(np.argmin(cost))
-    if not 0 < best < len(ZOOM_FACTORS) - 1 or not np.isfinite(cost[best - 1 : best + 2]).all():
+    if not 0 < best < len(factors) - 1 or not np.isfinite(cost[best - 1 : best + 2]).all():
         return None
     # vertex of the parabola through the three lowest
     low, middle, high = cost[best - 1 : best + 2]
     part = 0.5 * (low - high) / max(low - 2.0 * middle + high, 1e-12)
-    return float(
-        np.exp(np.log(ZOOM_FACTORS[best]) + part * np.log(ZOOM_FACTORS[1] / ZOOM_FACTORS[0]))
-    )
+    return float(np.exp(np.log(factors[best]) + part * np.log(factors[1] / factors[0])))
 
 
 def _by_the_log(diagnosis: Diagnosis, frame: int) -> tuple[Floats, Floats]:
@@ -167,6 +288,24 @@ def _report_other_zoom(frame: str, factor: float, _: HypothesisTest | None) -> M
     )
 
 
+def _report_copy(frame: str, size: float, _: HypothesisTest | None) -> Message:
+    text = (
+        f"The photo {frame!r} seems to be picked in a copy of {size:.2f} times its size: its "
+        "picks fit where they are enlarged. Pick it again in the original photo."
+    )
+    return Message(
+        "warning",
+        "photo-picked-in-copy",
+        text,
+        frames=(frame,),
+        several=MessagePlural(
+            "{count} photos seem to be picked in smaller copies",
+            f"{frame!r} ({size:.2f} times its size)",
+            ending="Pick them again in the original photos.",
+        ),
+    )
+
+
 FIRST_DISTORTION_INDEX = 4
 """First coefficient of the distortion among the parameters of a camera."""
 
@@ -177,9 +316,6 @@ point as a share of the photo's width, and of the first two coefficients of the 
 LARGEST_ZOOM = 4.0
 """Largest ratio of the focal lengths of two cameras of drones, or of two zooms of one."""
 
-LARGEST_COPY = 0.8
-"""Largest size of a copy of a photo, as a share of the photo's; no pick of it lies beyond."""
-
 MIN_SHARE_OF_CAMERA = 1e-5
 """Least share of another camera that has to show in the residuals, as calibrations are exact."""
 
@@ -188,8 +324,7 @@ def propose_other_zoom_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose another focal length than in the camera file, or picks in smaller copies."""
     stated = diagnosis.survey.calibration
     yield from _propose_camera(diagnosis, zoom_direction(stated)[:, None], other_zoom_message)
-    reach = diagnosis.survey.pixel_px[diagnosis.taking.keep] / [stated.width_px, stated.height_px]
-    if reach.max() < LARGEST_COPY:
+    if _find_reach(diagnosis.survey, np.flatnonzero(diagnosis.taking.keep)) < LARGEST_COPY:
         yield from _propose_camera(diagnosis, _size_direction(stated)[:, None], _other_size_message)
 
 

@@ -20,7 +20,7 @@ from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey, find_usable_picks
 
 MOST_PHOTOS = 2
-"""Number of photos without a log up to which wrong lengths distort the points."""
+"""Number of photos up to which a wrong one, or wrong lengths without a log, distort the points."""
 
 
 def needs_other_poses(diagnosis: Diagnosis) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from functools import partial
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -83,7 +84,11 @@ def propose_swapped_in_photo(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         own = np.flatnonzero(found.frame == frame)
         picks = np.flatnonzero(frames == frame)
         number = len(picks)
-        for exchange in _exchanges(diagnosis, found, own, picks):
+        exchanges = [
+            *_exchanges(diagnosis, found, own, picks),
+            *_exchanges_of_left_out(diagnosis, picks),
+        ]
+        for exchange in exchanges:
             count = len(exchange.label)
             # Picks that were left out are known to be wrong.
             known = int(diagnosis.spoilt[list(exchange.label)].sum())
@@ -134,6 +139,26 @@ def _exchanges(
         if len(set(label.values())) == len(label):
             gain = sum(fall.get(pick, 0.0) for pick in chain)
             yield _Exchange(label, gain, _left_out_for(diagnosis, anywhere.intersection(chain)))
+
+
+def _exchanges_of_left_out(diagnosis: Diagnosis, picks: Ints) -> Iterator[_Exchange]:
+    """Yield pairs of a photo's labels that both have left-out picks, here or in other photos.
+
+    The place of a point is unknown where its only pick was left out.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    picks
+        All picks of the photo.
+    """
+    label, single = diagnosis.survey.pick_label, _are_single_picks(diagnosis, picks)
+    doubtful = picks[np.isin(label[picks], label[diagnosis.spoilt])]
+    for one, other in combinations(doubtful.tolist(), 2):
+        if label[one] != label[other] and single.issuperset((one, other)):
+            right = {one: int(label[other]), other: int(label[one])}
+            yield _Exchange(right, 0.0, _left_out_for(diagnosis, (one, other)))
 
 
 def _exchange_elsewhere(diagnosis: Diagnosis, right: Mapping[int, int]) -> dict[int, int]:
