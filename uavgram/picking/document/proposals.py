@@ -54,7 +54,7 @@ class Outcome:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether no search for picks changes it: a person's decision, or a point of a plate."""
+        """Whether searches leave it unchanged: a person's decision, or a point of a plate."""
         return self.is_over or self.source is None
 
 

@@ -70,7 +70,7 @@ class SearchInput:
 
     @property
     def observed(self) -> tuple[object, ...]:
-        """Picks and lengths, of which the proposals depend."""
+        """Picks and lengths, on which the proposals depend."""
         return self.state.picks, self.state.lines
 
 

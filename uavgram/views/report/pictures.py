@@ -112,7 +112,7 @@ def _around(result: Result, region: Region) -> tuple[str, ...]:
 WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "quarter": 210.0}
 """Width of each kind of picture on the page, in units of its marks."""
 UNIT_STEPS = 8
-"""Steps of that unit in each doubling: a layout program loads its fonts anew for each size."""
+"""Number of units per factor of two: WeasyPrint loads its fonts again for each size of letters."""
 SIZES = {0: "half", 1: "single", 2: "half", 3: "third", 4: "half"}
 """Kind of pictures for small numbers of measurements; otherwise four are side by side."""
 MAX_SHOWN = 12

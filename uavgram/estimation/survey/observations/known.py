@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 KNOWN_THINGS = ErrorSource(
     "known things",
-    "how well the known distances, angles and conditions hold",
+    "agreement of the known distances, angles and conditions",
     "More or better known things would help there.",
 )
 

@@ -36,7 +36,7 @@ MAX_WRONG_LENGTHS = 4
 """Largest number of single wrong lengths that are proposed."""
 
 MAX_EXCHANGED = 12
-"""Largest number of lengths of which the readings of all pairs are exchanged on trial."""
+"""Largest number of lengths up to which exchanges of any two readings are tried."""
 
 MIN_LENGTHS_FOR_ALL = 3
 """Number of lengths above which a mistake in every one of them is reported for all together."""
