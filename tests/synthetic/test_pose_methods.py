@@ -9,19 +9,13 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.stats import chi2
 
-from uavgram.estimation.repeated.photo_step import (
-    Draws,
-    State,
-    apply_step,
-    linearise,
-    put_draws_last,
-)
-from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.estimation.first_poses.photo_problem import PhotoProblem, Photos, SharedErrors, State
+from uavgram.estimation.repeated.single_photo import adjust_each
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observed import Observations
 from uavgram.model.observations import NO_KNOWN, KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions, SolveOptions
-from uavgram.model.simulation import MethodRow, PhotoDesign, PhotoDraws
+from uavgram.model.simulation import MethodRow
 from uavgram.pipeline.measure.compute import adjust_survey
 from uavgram.stages.assemble import assemble
 from uavgram.synthetic import pose_methods
@@ -124,23 +118,20 @@ def scenes() -> MethodScenes:
 
 def problem_of(
     scenes: MethodScenes, name: str, monkeypatch: pytest.MonkeyPatch
-) -> tuple[PhotoDesign, Draws, State]:
+) -> tuple[PhotoProblem, State]:
     """The photos as they are adjusted, and a state off the truth."""
-    asked: list[tuple[PhotoDesign, PhotoDraws]] = []
+    asked: list[PhotoProblem] = []
 
-    def listened(design: PhotoDesign, draws: PhotoDraws, *rest: object, **more: object) -> object:
-        asked.append((design, draws))
-        return adjust_photos(design, draws, *rest, **more)  # type: ignore[arg-type]
+    def listened(shared: SharedErrors, photos: Photos, *rest: object, **more: object) -> object:
+        asked.append(PhotoProblem(shared, photos))
+        return adjust_each(shared, photos, *rest, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(pose_methods, "adjust_photos", listened)
+    monkeypatch.setattr(pose_methods, "adjust_each", listened)
     find_minima(scenes, USES[name], (scenes.center[:, None], scenes.rotation[:, None]))
-    design, draws = asked[0]
-    count = len(scenes.center)
-    place = scenes.place_m.reshape(count, -1, 2).transpose(2, 1, 0)
-    state = State(
-        draws.center_world_m.T + 0.1, np.full((3, count), 0.01), place + 0.05, np.zeros((0, count))
-    )
-    return design, put_draws_last(draws), state
+    problem, count = asked[0], len(scenes.center)
+    place = scenes.place_m.reshape(count, -1, 2)
+    center = problem.photos.center + 0.1
+    return problem, State(center, np.full((count, 3), 0.01), place + 0.05, np.zeros((count, 0)))
 
 
 @pytest.mark.parametrize("name", USES)
@@ -149,17 +140,18 @@ def test_the_reduced_slope_is_that_of_the_sum_of_squares(
 ) -> None:
     """Where errors and places are the best ones for their pose, as after a step of no length."""
     few = draw_scenes(Setting(name="usual"), 4, 2, 9)
-    design, draws, state = problem_of(few, name, monkeypatch)
+    problem, state = problem_of(few, name, monkeypatch)
+    both, still = np.arange(2), np.zeros((2, 6))
     for _ in range(30):  # the best places for that pose
-        state = apply_step(design, linearise(design, draws, state), state, np.zeros((6, 2)))
-    line = linearise(design, draws, state)
+        state = State(*problem.move(state, problem.linearise(both, state), still))
+    line = problem.linearise(both, state)
 
     def half_cost(step: np.ndarray) -> np.ndarray:
-        steps = np.repeat(step[:, None], 2, axis=1)
-        return 0.5 * linearise(design, draws, apply_step(design, line, state, steps)).cost
+        steps = np.repeat(step[None], 2, axis=0)
+        return 0.5 * problem.linearise(both, problem.move(state, line, steps)).cost
 
     numeric = central_differences(half_cost, np.zeros(6), 1e-5)
-    assert_derivative(-line.right.T[:, None], numeric[:, None], 1e-4)
+    assert_derivative(line.gradient[:, None], numeric[:, None], 1e-4)
 
 
 @pytest.mark.parametrize("name", USES)
@@ -175,17 +167,6 @@ def test_sums_of_squares_and_poses_are_as_stated(scenes: MethodScenes, name: str
     covariance = found.covariance[:, 0, :3, :3]
     squares = float(np.sum(off.swapaxes(1, 2) @ np.linalg.solve(covariance, off)))
     assert chi2.ppf(5e-4, 3 * count) <= squares <= chi2.ppf(1 - 5e-4, 3 * count)
-
-
-def test_pixels_meet_the_ground_with_right_derivatives(scenes: MethodScenes) -> None:
-    lens, pixel = scenes.calibration, scenes.pixel_px[:4, :2]
-    center, rotation = scenes.center[:4], scenes.rotation[:4]
-    _, _, by_pixel = pose_methods.intersect_ground_rays(lens, pixel, center, rotation)
-
-    def moved(shift: np.ndarray) -> np.ndarray:
-        return pose_methods.intersect_ground_rays(lens, pixel + shift, center, rotation)[0]
-
-    assert_derivative(by_pixel, central_differences(moved, np.zeros(2), 1e-3), 1e-5)
 
 
 def surveyed(scenes: MethodScenes, k: int) -> Refined:

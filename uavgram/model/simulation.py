@@ -38,9 +38,6 @@ class PhotoDesign(FrozenArrays):
         exact.
     tape_scale_sigma
         Standard deviation of the tape's scale, relative to the length; 0: it is exact.
-    placed, place_sigma_m
-        (P,) ends with a known coordinate along some horizontal direction, and its sigma. None:
-        there are none.
     """
 
     calibration: Calibration
@@ -52,8 +49,6 @@ class PhotoDesign(FrozenArrays):
     camera_root: Floats | None = None
     ground_root: Floats | None = None
     tape_scale_sigma: float = 0.0
-    placed: Ints | None = None
-    place_sigma_m: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,8 +63,6 @@ class PhotoDraws(FrozenArrays):
         (B, 3), (B, 3, 3) prior pose.
     ground
         (B, 3) prior ground plane: height at the origin [m], slopes to east and north.
-    toward, placed_m
-        (B, P, 2) directions and (B, P) coordinates along them of `PhotoDesign.placed`.
     """
 
     pixel_px: Annotated[Floats, "b", "e", 2]
@@ -77,8 +70,6 @@ class PhotoDraws(FrozenArrays):
     center_world_m: Annotated[Floats, "b", 3]
     world_from_camera: Annotated[Floats, "b", 3, 3]
     ground: Annotated[Floats, "b", 3]
-    toward: Floats | None = None
-    placed_m: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,15 +10,19 @@ import numpy as np
 
 from uavgram.estimation.first_poses.known_lines import compute_direct_poses, find_poses_from_lines
 from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
+from uavgram.estimation.first_poses.photo_problem import (
+    PhotoProblem,
+    Photos,
+    State,
+    share_nothing,
+)
 from uavgram.estimation.first_poses.resection import LineRows
-from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.estimation.repeated.single_photo import adjust_each, intersect_ground
 from uavgram.geometry.camera.projection import back_project_with_jacobian
-from uavgram.geometry.ground.plane import intersect_ground_with_jacobian, pose_above_plane
-from uavgram.geometry.motion.rotation import hat
+from uavgram.geometry.ground.plane import pose_above_plane
 from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera import Calibration
-from uavgram.model.simulation import MethodRow, PhotoDesign, PhotoDraws
+from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.single_photos import LOG_SIGMA, MethodScenes, Setting, draw_scenes
 
 Starts = tuple[Floats, Floats]
@@ -278,40 +282,51 @@ def find_minima(scenes: MethodScenes, uses: frozenset[str], starts: Starts) -> F
     some = np.isfinite(center[:, 0])
     center = np.where(some[:, None], center, [0.0, 0.0, -1.0])  # below ground: no pose
     rotation = np.where(some[:, None, None], rotation, np.diag([1.0, -1.0, -1.0]))
-    prior, information = (center, rotation), np.zeros((6, 6))
+    prior, information = (center, rotation), np.zeros(6)
     if "log" in uses:
         prior = scenes.logged[0][owner], scenes.logged[1][owner]
-        information = np.diag(np.array(LOG_SIGMA) ** -2)
+        information = np.array(LOG_SIGMA) ** -2
     elif uses == {"length"}:
-        information = FREE_INFORMATION * np.eye(6)
+        information = np.full(6, FREE_INFORMATION)
     taped = scenes.length_m.shape[1] if "length" in uses else 0
     end, toward, placed = _list_coordinates(scenes, uses)
-    ends = 2 * scenes.length_m.shape[1]
-    design = PhotoDesign(
-        calibration=scenes.calibration,
-        height_m=np.zeros(ends),
-        line=np.arange(2 * taped).reshape(-1, 2),
-        pixel_sigma_px=np.full(ends, scenes.pick_sigma_px),
-        length_sigma_m=np.full(taped, scenes.length_sigma_m),
-        information=information,
-        placed=end,
-        place_sigma_m=np.full(len(end), scenes.place_sigma_m),
+    sigma = np.repeat([scenes.length_sigma_m, scenes.place_sigma_m], [taped, len(end)])
+    observed = _observe_lengths(scenes, scenes.pixel_px, scenes.length_m[:, :taped])._replace(
+        information=np.broadcast_to(np.diag(information), (count, 6, 6)),
+        toward=toward,
+        placed=np.broadcast_to(end, (count, len(end))),
+        reading_m=np.concatenate([scenes.length_m[:, :taped], placed], axis=1),
+        reading_weight=np.broadcast_to(1.0 / sigma, (count, len(sigma))),
     )
-    draws = PhotoDraws(
-        pixel_px=scenes.pixel_px.reshape(count, -1, 2)[owner],
-        length_m=scenes.length_m[owner, :taped],
-        center_world_m=prior[0],
-        world_from_camera=prior[1],
-        ground=np.zeros((len(owner), 3)),
-        toward=toward[owner],
-        placed_m=placed[owner],
-    )
-    found = adjust_photos(design, draws, (center, rotation), undamped=0, settled=LAST_REDUCTION)
+    photos = observed.take(owner)._replace(center=prior[0], rotation=prior[1])
+    exact = share_nothing(scenes.calibration)
+    found = adjust_each(exact, photos, (center, rotation), undamped=0, settled=LAST_REDUCTION)
     cost = np.nan_to_num(found.cost, nan=np.inf).reshape(count, many)
     order = np.argsort(cost, axis=1, kind="stable")
     at = many * np.arange(count)[:, None] + order
     every = found.center_world_m, found.world_from_camera, found.covariance, cost.ravel()
     return FoundPoses(*(one[at] for one in every))
+
+
+def _observe_lengths(scenes: MethodScenes, pixel_px: Floats, length_m: Floats) -> Photos:
+    """Return picks (B, k, 2, 2) on level ground, lengths (B, l) of the first, and no prior pose."""
+    count, lines = length_m.shape
+    pixel = pixel_px.reshape(count, -1, 2)
+    ends = np.arange(2 * lines).reshape(-1, 2)
+    return Photos(
+        pixel_px=pixel,
+        pixel_weight=np.full(pixel.shape[:2], 1.0 / scenes.pick_sigma_px),
+        height_m=np.zeros(pixel.shape[:2]),
+        ground=np.zeros((count, 3)),
+        center=scenes.center,
+        rotation=scenes.rotation,
+        information=np.zeros((count, 6, 6)),
+        line=np.broadcast_to(ends, (count, *ends.shape)),
+        toward=np.zeros((count, 0, 2)),
+        placed=np.zeros((count, 0), np.int64),
+        reading_m=length_m,
+        reading_weight=np.ones(length_m.shape),
+    )
 
 
 def _list_coordinates(scenes: MethodScenes, uses: frozenset[str]) -> tuple[Ints, Floats, Floats]:
@@ -353,59 +368,23 @@ def compute_rival_differences(found: FoundPoses, within: float) -> Floats:
     return np.where(least <= within, least, np.inf)
 
 
-def intersect_ground_rays(
-    calibration: Calibration, pixel_px: Floats, center: Floats, rotation: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Intersect the rays of picks with the ground z = 0.
-
-    Parameters
-    ----------
-    calibration
-        Calibration of the lens.
-    pixel_px
-        (B, ..., 2).
-    center, rotation
-        (B, 3), (B, 3, 3).
-
-    Returns
-    -------
-    point : (B, ..., 2)
-        NaN if a ray does not go down to the ground.
-    by_pose : (B, ..., 2, 6)
-    by_pixel : (B, ..., 2, 2)
-    """
-    more = (1,) * (pixel_px.ndim - 2)
-    turn, start = rotation.reshape(-1, *more, 3, 3), center.reshape(-1, *more, 3)
-    ray, by_pixel, _ = back_project_with_jacobian(
-        calibration.model, calibration.parameters, pixel_px
-    )
-    world = (turn @ ray[..., None])[..., 0]
-    point, by_center, by_world, _ = intersect_ground_with_jacobian(
-        np.broadcast_to(start, world.shape), world, np.zeros(3), np.zeros(2)
-    )
-    by_ray = by_world @ turn
-    by_pose = np.concatenate([by_center, -by_ray @ hat(ray)], axis=-1)
-    return point[..., :2], by_pose[..., :2, :], (by_ray @ by_pixel)[..., :2, :]
-
-
 def _judge(scenes: MethodScenes, found: FoundPoses, told: Bools | None = None) -> MethodResults:
     """Compute errors and predicted sigmas of withheld distances with each scene's best pose."""
-    center, rotation = found.center[:, 0], found.rotation[:, 0]
+    poses = found.center[:, 0], found.rotation[:, 0]
+    photos = _observe_lengths(scenes, scenes.check_px, scenes.check_m)
+    photos = photos._replace(center=poses[0], rotation=poses[1])
+    exact = share_nothing(scenes.calibration)
+    place = intersect_ground(scenes.calibration, photos, poses)
+    state = State(poses[0], np.zeros_like(poses[0]), place, np.zeros((len(place), 0)))
     # variance by propagation: from the pose, and from the picks of the distance itself
-    point, by_pose, by_pixel = intersect_ground_rays(
-        scenes.calibration, scenes.check_px, center, rotation
-    )
-    away = point[:, :, 1] - point[:, :, 0]
-    length = np.linalg.norm(away, axis=-1)
-    unit = away / length[..., None]
-    of_pose = np.einsum("bmi,bmij->bmj", unit, by_pose[:, :, 1] - by_pose[:, :, 0])
-    of_picks = np.einsum("bmi,bmeij->bmej", unit, by_pixel) * scenes.pick_sigma_px
-    whole = np.einsum("bmi,bij,bmj->bm", of_pose, found.covariance[:, 0], of_pose)
+    rows = PhotoProblem(exact, photos).compute_rows(photos, state)
+    by_pose = rows.by_unknown
+    whole = np.einsum("bmi,bij,bmj->bm", by_pose, found.covariance[:, 0], by_pose)
     whole = np.where(whole >= 0, whole, np.inf)  # negative by rounding: undetermined
-    variance = whole + np.sum(of_picks**2, axis=(2, 3))
+    variance = whole + np.sum(rows.by_error**2, axis=(2, 3))
     none = np.where(np.isfinite(found.cost[:, :1]), 0.0, np.nan)
     return MethodResults(
-        error_m=length - scenes.check_m + none,
+        error_m=none - rows.off,
         sigma_m=np.sqrt(variance) + none,
         true_m=scenes.check_m,
         cost=found.cost[:, 0],

@@ -7,9 +7,8 @@ from zlib import crc32
 
 import numpy as np
 
-from uavgram.estimation.repeated.predicted_lengths import predict_lengths
-from uavgram.estimation.repeated.single_photo import adjust_photos
-from uavgram.geometry.camera.lens import distort
+from uavgram.estimation.repeated.predicted_lengths import add_errors, predict_lengths
+from uavgram.estimation.repeated.single_photo import adjust_photos, make_shared_errors
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
@@ -339,10 +338,8 @@ def make_exact_draw(photo: StudyPhoto) -> PhotoDraws:
     )
 
 
-def draw_observations(
-    photo: StudyPhoto, count: int, rng: np.random.Generator
-) -> tuple[PhotoDraws, Floats]:
-    """Draw observations with all errors of the scene, and return (B, M) the true distances too.
+def draw_observations(photo: StudyPhoto, count: int, rng: np.random.Generator) -> PhotoDraws:
+    """Draw observations with all errors of the scene.
 
     Parameters
     ----------
@@ -351,26 +348,17 @@ def draw_observations(
     rng
         Of the draws.
     """
-    scene, design = photo.scene, photo.design
-    lens = np.repeat(LENS[:, None], count, axis=1)
-    if design.camera_root is not None:
-        lens += design.camera_root @ rng.standard_normal((design.camera_root.shape[1], count))
-    pixel = _project_by_lenses(lens, photo)
-    noise = rng.standard_normal(pixel.shape) * design.pixel_sigma_px[:, None]
-    length = _lengths(photo.place_m, design.line)
-    reading = length + design.length_sigma_m * rng.standard_normal((count, len(length)))
-    # a tape of scale s reads l / (1 + s)
-    reading /= 1.0 + scene.tape_scale * rng.standard_normal((count, 1))
-    off = LOG_SIGMAS * rng.standard_normal((count, 6))
-    draws = PhotoDraws(
-        pixel_px=pixel + noise,
-        length_m=reading,
-        center_world_m=photo.center + off[:, :3],
-        # true = prior @ exp(error)
-        world_from_camera=photo.rotation @ exp_so3(-off[:, 3:]),
-        ground=rng.standard_normal((count, 3)) @ GROUND_ROOT.T,
-    )
-    return draws, np.tile(_lengths(photo.place_m, photo.pairs), (count, 1))
+    design = photo.design
+    shared = make_shared_errors(design)
+    camera = rng.standard_normal((shared.camera_root.shape[1], count)).T
+    pick = rng.standard_normal((count, 2 * len(photo.place_m)))
+    reading = rng.standard_normal((count, len(design.line)))
+    tape = rng.standard_normal((count, 1))[:, : bool(design.tape_scale_sigma)]
+    off = rng.standard_normal((count, 6))
+    ground = rng.standard_normal((count, shared.ground_root.shape[1]))
+    # true = prior @ exp(error), so the prior's rotation has the opposite one
+    errors = [reading, pick, off[:, :3], -off[:, 3:], -camera, ground, -tape]
+    return add_errors(design, make_exact_draw(photo), np.concatenate(errors, axis=1))
 
 
 def _project_exactly(place_m: Floats, center: Floats, rotation: Floats) -> Floats:
@@ -411,18 +399,6 @@ def _lengths(place_m: Floats, pairs: Ints) -> Floats:
     )
 
 
-def _project_by_lenses(lens: Floats, photo: StudyPhoto) -> Floats:
-    """Project the points with B lenses (9, B) to (B, E, 2) pixels.
-
-    No point is beyond the lens's fold or behind the camera, for which `project` would check.
-    """
-    world = np.column_stack([photo.place_m, np.zeros(len(photo.place_m))])
-    x, y, ahead = ((world - photo.center) @ photo.rotation).T
-    fx, fy, cx, cy = lens[:4, :, None]
-    lens_at = distort("brown", lens[4:, :, None], x / ahead, y / ahead)
-    return np.stack([fx * lens_at.x + cx, fy * lens_at.y + cy], axis=2)
-
-
 @dataclass(frozen=True, kw_only=True)
 class StudyCell:
     """Position of a cell in its study: curve, value on the axis with its text, and the scene."""
@@ -448,11 +424,12 @@ def simulate_cell(place: StudyCell, repetitions: int) -> Cell:
         photo = make_photo(scene)
         expected = predict_lengths(photo.design, make_exact_draw(photo), photo.place_m, photo.pairs)
         rng = np.random.default_rng([19, crc32(repr(scene).encode())])
-        draws, true = draw_observations(photo, repetitions, rng)
+        draws = draw_observations(photo, repetitions, rng)
         found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
     # errors of the distances in the repetitions that converged
     ends = found.place_m[:, photo.pairs]
-    error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) - true
+    error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    error -= _lengths(photo.place_m, photo.pairs)
     good = found.converged & np.isfinite(error).all(axis=1)
     error = error[good]
     # root mean square of errors over predicted errors, and its 95 % range

@@ -28,8 +28,8 @@ NO_LOG_SIGMA = np.array([100.0, 100.0, 1000.0, 10.0, 10.0, 10.0])
 """Of the pose [m, rad]: so weak that it moves no length."""
 
 
-def lengths(photo: StudyPhoto, moved: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    draws = add_errors(photo.design, make_exact_draw(photo), moved, shifts)
+def lengths(photo: StudyPhoto, moved: np.ndarray) -> np.ndarray:
+    draws = add_errors(photo.design, make_exact_draw(photo), moved)
     found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
     assert found.converged.all()
     ends = found.place_m[:, np.concatenate([photo.design.line, photo.pairs])]
@@ -51,7 +51,7 @@ def test_slopes_are_what_each_error_does(*, has_log: bool) -> None:
     if not has_log:  # where the pose is free, its priors hold it, and are no observation
         errors = np.r_[:known, known + 6 : size]
     step = SMALL * np.eye(size)[errors]
-    ends = lengths(photo, np.concatenate([step, -step]), slopes.shifts)
+    ends = lengths(photo, np.concatenate([step, -step]))
     ahead, behind = np.split(ends, 2)
     found = (ahead - behind).T / (2 * SMALL)
     # A known length is read, and the tape's scale is no error of the length itself.

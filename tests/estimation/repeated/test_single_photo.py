@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
+from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground, make_photos
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.readjustment import refit
 from uavgram.geometry.motion.rotation import log_so3
@@ -111,9 +111,10 @@ def test_what_does_not_come_to_rest_is_marked_and_nothing_else_suffers() -> None
 def test_pixels_meet_the_ground_where_the_points_stand() -> None:
     scene = photo_scene(1, slope=True)
     pose = scene.center[None], scene.rotation[None]
-    place = intersect_ground(scene.design, scene.draws, pose)
+    photos = make_photos(scene.design, scene.draws)
+    place = intersect_ground(scene.design.calibration, photos, pose)
     # A pixel is HEIGHT_M / 2250 m: the draw's noise, five sigmas of it on tilted ground.
-    assert np.abs(place[0] - scene.ends_m).max() < 8 * 0.8 * HEIGHT_M / 2250
+    assert np.abs(place[0] - scene.ends_m[:, :2]).max() < 8 * 0.8 * HEIGHT_M / 2250
 
 
 # Batched adjustment against the survey's own, to a millionth of a sigma.

@@ -11,19 +11,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.first_poses.photo_problem import (
+    POSE,
+    PhotoProblem,
+    PhotoRows,
+    Photos,
+    SharedErrors,
+    State,
+)
 from uavgram.estimation.measuring.second_order import (
     SecondOrderTerms,
     compute_second_order_terms,
     make_moves,
 )
-from uavgram.estimation.repeated.photo_step import (
-    State,
-    count_common_errors,
-    ground_slice,
-    linearise,
-    put_draws_last,
+from uavgram.estimation.repeated.single_photo import (
+    adjust_photos,
+    intersect_ground,
+    make_photos,
+    make_shared_errors,
 )
-from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
@@ -33,7 +39,7 @@ MIN_VARIANCE_SHARE = 1e-9
 
 
 def compute_second_order(
-    design: PhotoDesign, exact: PhotoDraws, pairs: Ints, by_error: Floats, shifts: Floats
+    design: PhotoDesign, exact: PhotoDraws, pairs: Ints, by_error: Floats
 ) -> SecondOrderTerms:
     """Compute second-order terms of measured lengths by moving all errors and readjusting.
 
@@ -44,12 +50,10 @@ def compute_second_order(
     by_error
         (R, n) slopes of lengths by the errors: of the measured ones, and of others that show how
         the errors move the photo.
-    shifts
-        (2, E, K) shifts of the sightings by shared errors, in sigmas.
     """
     directions = _directions(design, pairs, by_error)
     moved = np.concatenate([make_moves(directions), np.zeros((1, by_error.shape[1]))])
-    draws = add_errors(design, exact, moved, shifts)
+    draws = add_errors(design, exact, moved)
     start = exact.center_world_m[0], exact.world_from_camera[0]
     found = adjust_photos(design, draws, start)
     ends = found.place_m[:, pairs]
@@ -77,7 +81,7 @@ def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
     return np.concatenate([axes[spread**2 > MIN_VARIANCE_SHARE * spread[0] ** 2], own])
 
 
-def add_errors(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floats) -> PhotoDraws:
+def add_errors(design: PhotoDesign, exact: PhotoDraws, moved: Floats) -> PhotoDraws:
     """Return the observations with errors.
 
     Parameters
@@ -85,21 +89,22 @@ def add_errors(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Fl
     design, exact
         Photo, and one draw without any error.
     moved
-        (S, n) the errors.
-    shifts
-        As in `compute_second_order`.
+        (S, n) the errors. Those of camera and tape are errors of their stated values: at a positive
+        one the picks and readings are those of a smaller true value.
     """
     ends, known = len(design.height_m), len(design.line)
     reading, pick, pose, shared = np.split(
         moved, [known, known + 2 * ends, known + 2 * ends + 6], axis=1
     )
-    pick = pick.reshape(-1, ends, 2) - np.einsum("jek,sk->sej", shifts, shared)
+    # Shifts of the picks by the camera's errors, at the true places.
+    errors, photos = make_shared_errors(design), make_photos(design, exact)
+    place = intersect_ground(design.calibration, photos, (photos.center, photos.rotation))
+    by_camera = _linearise(errors, photos, place).shift[0][..., POSE.stop :][..., errors.camera]
+    pick = pick.reshape(-1, ends, 2) - np.einsum("ejk,sk->sej", by_camera, shared[:, errors.camera])
     length = exact.length_m + design.length_sigma_m * reading
     if design.tape_scale_sigma:
         length = length / (1.0 - design.tape_scale_sigma * shared[:, -1:])
-    ground = exact.ground
-    if design.ground_root is not None:
-        ground = ground + shared[:, ground_slice(design)] @ design.ground_root.T
+    ground = exact.ground + shared[:, errors.ground] @ errors.ground_root.T
     # Prior pose: errors of sigma 1 times the inverse root of its information.
     off = pose @ np.linalg.pinv(compute_root(design.information))
     return PhotoDraws(
@@ -107,14 +112,14 @@ def add_errors(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Fl
         length_m=length,
         center_world_m=exact.center_world_m + off[:, :3],
         world_from_camera=exact.world_from_camera @ exp_so3(off[:, 3:]),
-        ground=np.broadcast_to(ground, (len(moved), 3)),
+        ground=ground,
     )
 
 
 def compute_root(information: Floats) -> Floats:
-    """Compute an (n, n) root of a positive semidefinite matrix: it is root times root^T."""
+    """Compute the (n, n) symmetric root of a positive semidefinite matrix."""
     value, axes = np.linalg.eigh(information)
-    return np.asarray(axes * np.sqrt(np.maximum(value, 0.0)))
+    return np.asarray(axes * np.sqrt(np.maximum(value, 0.0)) @ axes.T)
 
 
 class PredictedLengths(NamedTuple):
@@ -177,7 +182,7 @@ def predict_lengths(
         only.
     """
     slopes = compute_slopes(design, exact, place_m, pairs)
-    of_plane = ground_slice(design)
+    of_plane = make_shared_errors(design).ground
     known, first = len(design.line), 2 * len(place_m) + len(design.line) + 6
     at = [known, first - 6, first, first + of_plane.start, first + of_plane.stop]
     # Variance by each error: squared slope; summed by source.
@@ -187,7 +192,7 @@ def predict_lengths(
     )
     return PredictedLengths(
         variance=slopes.variance,
-        bent=compute_second_order(design, exact, pairs, slopes.by_error, slopes.shifts),
+        bent=compute_second_order(design, exact, pairs, slopes.by_error),
         lengths=lengths,
         picks=picks,
         beforehand=beforehand,
@@ -207,13 +212,10 @@ class LengthSlopes(NamedTuple):
         order of `estimation/repeated/predicted_lengths.py`.
     variance
         (M,) variances of the measured ones [m²].
-    shifts
-        (2, E, K) shifts of the sightings by shared errors, in sigmas.
     """
 
     by_error: Floats
     variance: Floats
-    shifts: Floats
 
 
 def compute_slopes(
@@ -226,40 +228,34 @@ def compute_slopes(
     design, exact, place_m, pairs
         As in `predict_lengths`.
     """
-    known, ends = len(design.line), len(place_m)
-    rows, shifts = _rows(design, exact, place_m, pairs)
-    before = np.eye(rows.shape[1])
-    before[:6, :6] = design.information
-    weighted = rows[:known] / design.length_sigma_m[:, None]
-    # Gain of the estimate: rows (prior information + H^T R^-1 H)^-1.
-    gain = rows @ np.linalg.inv(before + weighted.T @ weighted)
-    pose, picks, common = np.split(gain, [6, 6 + 2 * ends], axis=1)
-    parts = [gain @ weighted.T, picks, pose @ compute_root(design.information), common]
-    variance = np.einsum("mi,mi->m", gain[known:], rows[known:])
-    return LengthSlopes(np.concatenate(parts, axis=1), variance, shifts)
-
-
-def _rows(
-    design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
-) -> tuple[Floats, Floats]:
-    """Compute (L + M, 6 + 2 E + K) derivatives of lengths by pose, picks and the rest; shifts."""
-    known, ends = len(design.line), len(place_m)
+    known, picks = len(design.line), 2 * len(place_m)
+    # All lengths, the known and the measured ones, at the truth.
     every = replace(
         design,
         line=np.concatenate([design.line, pairs]),
         length_sigma_m=np.concatenate([design.length_sigma_m, np.ones(len(pairs))]),
     )
-    reading = np.concatenate([exact.length_m[0], np.ones(len(pairs))])
-    draws = put_draws_last(exact)._replace(length=reading[:, None])
-    common = np.zeros((count_common_errors(design), 1))
-    state = State(exact.center_world_m.T, np.zeros((3, 1)), place_m.T[..., None], common)
-    line = linearise(every, draws, state)
-    rows = np.zeros((len(every.line), 6 + 2 * ends + len(common)))
-    rows[:, :6] = line.lower[..., 0] @ line.by_pose[..., 0]
-    for own, at in zip(line.by_error[..., 0], every.line.T, strict=True):
-        for k in (0, 1):
-            rows[np.arange(len(rows)), 6 + 2 * at + k] += own[k]
-    rows[:, 6 + 2 * ends :] = line.by_common[..., 0]
+    reading = np.concatenate([exact.length_m, np.ones((1, len(pairs)))], axis=1)
+    shared = make_shared_errors(every)
+    photos = make_photos(every, replace(exact, length_m=reading))
+    linear = _linearise(shared, photos, place_m[None])
+    by_pose, by_common = np.split(linear.by_unknown[0], [POSE.stop], axis=1)
     if design.tape_scale_sigma:
-        rows[known:, -1] = 0.0  # measured lengths are not read on a tape
-    return rows, line.shifts[..., 0]
+        by_common[known:, -1] = 0.0  # measured lengths are not read on a tape
+    by_pick = linear.by_error[0].reshape(len(every.line), -1)
+    weighted = np.concatenate([by_pose, by_pick, by_common], axis=1)
+    rows = weighted * every.length_sigma_m[:, None]
+    # Gain of the estimate: rows (prior information + H^T R^-1 H)^-1.
+    before = np.eye(rows.shape[1])
+    before[POSE, POSE] = design.information
+    gain = rows @ np.linalg.inv(before + weighted[:known].T @ weighted[:known])
+    pose, pick, common = np.split(gain, [6, 6 + picks], axis=1)
+    parts = [gain @ weighted[:known].T, pick, pose @ compute_root(design.information), common]
+    variance = np.einsum("mi,mi->m", gain[known:], rows[known:])
+    return LengthSlopes(np.concatenate(parts, axis=1), variance)
+
+
+def _linearise(shared: SharedErrors, photos: Photos, place_m: Floats) -> PhotoRows:
+    """Linearise photos at their prior poses and at places (B, E, 2), without errors."""
+    none = np.zeros_like(photos.center), place_m, np.zeros((len(place_m), shared.count))
+    return PhotoProblem(shared, photos).compute_rows(photos, State(photos.center, *none))

@@ -13,6 +13,7 @@ itself.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -66,21 +67,28 @@ def solve_lower_transposed(lower: Floats, right: Floats) -> Floats:
 
 
 def solve_each(matrix: Floats, right: Floats) -> Floats:
-    """Solve B systems of n unknowns: (B, n, n), (B, n) -> (B, n).
+    """Solve B systems of n unknowns, with one or several right-hand sides; NaN if it is singular.
 
     Parameters
     ----------
     matrix
         (B, n, n) positive definite.
     right
-        (B, n).
+        (B, n) or (B, n, m).
     """
     if len(matrix) < MIN_BATCH:
-        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+        columns = right if right.ndim == matrix.ndim else right[..., None]
+        with suppress(np.linalg.LinAlgError):  # a singular system must not stop the others
+            return np.asarray(np.linalg.solve(matrix, columns)).reshape(right.shape)
     lower = cholesky(np.ascontiguousarray(np.moveaxis(matrix, 0, -1)))
-    return np.asarray(
-        solve_lower_transposed(lower, solve_lower(lower, np.ascontiguousarray(right.T))).T
-    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        solved = solve_lower(lower, np.ascontiguousarray(np.moveaxis(right, 0, -1)))
+        return np.moveaxis(solve_lower_transposed(lower, solved), -1, 0)
+
+
+def invert_each(matrix: Floats) -> Floats:
+    """Invert B positive definite matrices (B, n, n); NaN where one is singular."""
+    return solve_each(matrix, np.broadcast_to(np.eye(matrix.shape[1]), matrix.shape))
 
 
 MAX_ITERATIONS = 60
