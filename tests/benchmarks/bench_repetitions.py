@@ -41,23 +41,23 @@ ROUNDS, DRAWS, NUMERIC, ANALYTIC = 5, 4000, 15, 150
 
 def evaluated(scene: Scene, draw: int, unknown: Floats) -> tuple[Floats, Floats]:
     """Whitened residuals of one draw, and their Jacobian."""
-    design, draws = scene.design, scene.draws
-    place, count = unknown[6:].reshape(-1, 2), len(design.height_m)
-    rotation = draws.world_from_camera[draw] @ exp_so3(unknown[3:6])
+    draws = scene.draws
+    place, count = unknown[6:].reshape(-1, 2), draws.height_m.shape[1]
+    rotation = draws.rotation[draw] @ exp_so3(unknown[3:6])
     height, *slope = draws.ground[draw]
-    world = np.column_stack([place, height + place @ slope + design.height_m])
+    world = np.column_stack([place, height + place @ slope + draws.height_m[draw]])
     seen = (world - unknown[:3]) @ rotation
-    camera = design.calibration
+    camera = scene.shared.calibration
     pixel, by_seen, _ = project_with_jacobian(camera.model, camera.parameters, seen)
     by_world = by_seen @ rotation.T
-    line = design.line
+    line = draws.line[draw]
     leg = world[line[:, 1]] - world[line[:, 0]]
     length = np.linalg.norm(leg, axis=1)
     residual = np.concatenate(
         [
             ((pixel - draws.pixel_px[draw]) / PIXEL_SIGMA_PX).ravel(),
-            (length - draws.length_m[draw]) / LENGTH_SIGMA_M,
-            np.concatenate([unknown[:3] - draws.center_world_m[draw], unknown[3:6]]) / POSE_SIGMA,
+            (length - draws.reading_m[draw]) / LENGTH_SIGMA_M,
+            np.concatenate([unknown[:3] - draws.center[draw], unknown[3:6]]) / POSE_SIGMA,
         ]
     )
     jacobian = np.zeros((len(residual), len(unknown)))
@@ -109,7 +109,7 @@ def by_scipy(scene: Scene, draws: int, *, numeric: bool) -> Floats:
 
 def by_batch(scene: Scene, draws: int) -> Floats:
     """Centres (draws, 3) that the batch finds; all must come to rest."""
-    found = adjust_photos(scene.design, scene.draws, (scene.center, scene.rotation))
+    found = adjust_photos(scene.shared, scene.draws, (scene.center, scene.rotation))
     if not found.converged.all():
         raise SystemExit(f"{int((~found.converged).sum())} draws did not come to rest")
     return found.center_world_m[:draws]

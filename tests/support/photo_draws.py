@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from uavgram.estimation.first_poses.photo_problem import Photos, SharedErrors
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration
-from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 CAMERA = np.array([2250.0, 2252.0, 2003.0, 1497.0, -0.06, 0.02, 3e-4, -2e-4, 0.0])
 POSE_SIGMA = np.array([2.0, 2.0, 3.0, *np.deg2rad([2.0, 2.0, 4.0])])
@@ -19,10 +19,10 @@ HEIGHT_M = 32.0
 
 
 class Scene(NamedTuple):
-    """Design and draws, the true pose and the true ends."""
+    """What is shared, the draws, the true pose and the true ends."""
 
-    design: PhotoDesign
-    draws: PhotoDraws
+    shared: SharedErrors
+    draws: Photos
     center: Floats
     rotation: Floats
     ends_m: Floats
@@ -57,30 +57,30 @@ def photo_scene(count: int, seed: int = 1, *, slope: bool = False, joined: bool 
     pixel = seen_by_opencv(world, center, rotation)
     drawn = POSE_SIGMA * rng.standard_normal((count, 6))
     length = np.linalg.norm(world[line[:, 1]] - world[line[:, 0]], axis=1)
-    design = PhotoDesign(
-        calibration=Calibration(
-            name="camera",
-            model="brown",
-            width_px=4000,
-            height_px=3000,
-            parameters=CAMERA,
-            covariance=np.zeros((9, 9)),
-        ),
-        height_m=above,
-        line=line,
-        pixel_sigma_px=np.full(ends, PIXEL_SIGMA_PX),
-        length_sigma_m=np.full(len(line), LENGTH_SIGMA_M),
-        information=np.diag(POSE_SIGMA**-2),
+    camera = Calibration(
+        name="camera",
+        model="brown",
+        width_px=4000,
+        height_px=3000,
+        parameters=CAMERA,
+        covariance=np.zeros((9, 9)),
     )
-    draws = PhotoDraws(
+    draws = Photos(
         pixel_px=pixel + PIXEL_SIGMA_PX * rng.standard_normal((count, ends, 2)),
-        length_m=length + LENGTH_SIGMA_M * rng.standard_normal((count, len(line))),
-        center_world_m=center + drawn[:, :3],
-        # true = beforehand @ exp(error)
-        world_from_camera=rotation @ Rotation.from_rotvec(-drawn[:, 3:]).as_matrix(),
+        pixel_weight=np.full((count, ends), 1.0 / PIXEL_SIGMA_PX),
+        height_m=np.tile(above, (count, 1)),
         ground=np.repeat(ground[None], count, axis=0),
+        center=center + drawn[:, :3],
+        # true = beforehand @ exp(error)
+        rotation=rotation @ Rotation.from_rotvec(-drawn[:, 3:]).as_matrix(),
+        information=np.tile(np.diag(POSE_SIGMA**-2), (count, 1, 1)),
+        line=np.tile(line, (count, 1, 1)),
+        toward=np.zeros((count, 0, 2)),
+        placed=np.zeros((count, 0), np.int64),
+        reading_m=length + LENGTH_SIGMA_M * rng.standard_normal((count, len(line))),
+        reading_weight=np.full((count, len(line)), 1.0 / LENGTH_SIGMA_M),
     )
-    return Scene(design, draws, center, rotation, world)
+    return Scene(SharedErrors(camera), draws, center, rotation, world)
 
 
 def seen_by_opencv(world: Floats, center: Floats, rotation: Floats) -> Floats:
@@ -96,21 +96,22 @@ def residuals(scene: Scene, draw: int, unknown: Floats) -> Floats:
 
     The rotation vector is that from the pose beforehand.
     """
-    design, draws = scene.design, scene.draws
+    draws = scene.draws
+    line = draws.line[draw]
     center, place = unknown[:3], unknown[6:].reshape(-1, 2)
-    rotation = draws.world_from_camera[draw] @ Rotation.from_rotvec(unknown[3:6]).as_matrix()
+    rotation = draws.rotation[draw] @ Rotation.from_rotvec(unknown[3:6]).as_matrix()
     ground = draws.ground[draw]
-    up = ground[0] + place @ ground[1:] + design.height_m
+    up = ground[0] + place @ ground[1:] + draws.height_m[draw]
     world = np.column_stack([place, up])
     error = (seen_by_opencv(world, center, rotation) - draws.pixel_px[draw]) / PIXEL_SIGMA_PX
-    length = np.linalg.norm(world[design.line[:, 1]] - world[design.line[:, 0]], axis=1)
-    off = (length - draws.length_m[draw]) / LENGTH_SIGMA_M
-    apart = np.concatenate([center - draws.center_world_m[draw], unknown[3:6]]) / POSE_SIGMA
+    length = np.linalg.norm(world[line[:, 1]] - world[line[:, 0]], axis=1)
+    off = (length - draws.reading_m[draw]) / LENGTH_SIGMA_M
+    apart = np.concatenate([center - draws.center[draw], unknown[3:6]]) / POSE_SIGMA
     return np.concatenate([error.ravel(), off, apart])
 
 
 def start_of(scene: Scene, draw: int) -> Floats:
     """The truth as a vector of the unknowns of `residuals`."""
-    before = scene.draws.world_from_camera[draw]
+    before = scene.draws.rotation[draw]
     turn = Rotation.from_matrix(before.T @ scene.rotation).as_rotvec()
     return np.concatenate([scene.center, turn, scene.ends_m[:, :2].ravel()])

@@ -10,7 +10,7 @@ from derivatives import assert_derivative, central_differences
 from scipy.stats import chi2
 
 from uavgram.estimation.first_poses.photo_problem import PhotoProblem, Photos, SharedErrors, State
-from uavgram.estimation.repeated.single_photo import adjust_each
+from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observed import Observations
 from uavgram.model.observations import NO_KNOWN, KnownLines, KnownWorldPoints, Picks
@@ -124,9 +124,9 @@ def problem_of(
 
     def listened(shared: SharedErrors, photos: Photos, *rest: object, **more: object) -> object:
         asked.append(PhotoProblem(shared, photos))
-        return adjust_each(shared, photos, *rest, **more)  # type: ignore[arg-type]
+        return adjust_photos(shared, photos, *rest, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(pose_methods, "adjust_each", listened)
+    monkeypatch.setattr(pose_methods, "adjust_photos", listened)
     find_minima(scenes, USES[name], (scenes.center[:, None], scenes.rotation[:, None]))
     problem, count = asked[0], len(scenes.center)
     place = scenes.place_m.reshape(count, -1, 2)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from uavgram.estimation.first_poses.photo_problem import SharedErrors
 from uavgram.estimation.repeated.predicted_lengths import PredictedLengths, predict_lengths
 from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
@@ -19,7 +20,6 @@ from uavgram.synthetic.single_photos import (
     StudyCell,
     StudyPhoto,
     StudyScene,
-    make_exact_draw,
     make_photo,
     simulate_cell,
 )
@@ -73,7 +73,7 @@ def single_photo(photo: StudyPhoto) -> Scenario:
         ),
         lines=tuple(
             SceneLine(name=f"L{i + 1}", start=label[a], end=label[b])
-            for i, (a, b) in enumerate(photo.design.line.tolist())
+            for i, (a, b) in enumerate(photo.exact.line[0].tolist())
         ),
         measurements=tuple(
             MeasurementRequest(name=f"D{i + 1}", kind="distance", points=(label[a], label[b]))
@@ -89,9 +89,8 @@ def test_the_prediction_is_that_of_the_program() -> None:
     truth = world.exact()
     _, _, sigma = predict_sigmas(world)
     root = np.asarray(np.linalg.cholesky(truth.inputs.calibration.covariance), dtype=np.float64)
-    information = np.diag(NO_LOG_SIGMA**-2)
-    design = replace(photo.design, camera_root=root, information=information, ground_root=None)
-    ours = predict_lengths(design, make_exact_draw(photo), photo.place_m, photo.pairs)
+    exact = photo.exact._replace(information=np.diag(NO_LOG_SIGMA**-2)[None])
+    ours = predict_lengths(SharedErrors(photo.shared.calibration, root), exact, photo.pairs)
     # The simulated photo wobbles: it is nearly, not exactly, straight down from 40 m.
     assert np.sqrt(ours.variance) == pytest.approx(sigma, rel=0.1)
     assert np.sqrt(ours.variance).mean() == pytest.approx(sigma.mean(), rel=0.03)
@@ -102,9 +101,9 @@ def test_the_part_of_the_readings_is_what_the_variance_gains_by_theirs() -> None
     photo = make_photo(StudyScene(focal_share=0.01, tape_scale=1e-3))
 
     def predicted_at(factor: float) -> PredictedLengths:
-        sigma = photo.design.length_sigma_m * np.sqrt(factor)
-        design = replace(photo.design, length_sigma_m=sigma)
-        return predict_lengths(design, make_exact_draw(photo), photo.place_m, photo.pairs)
+        weight = photo.exact.reading_weight / np.sqrt(factor)
+        exact = photo.exact._replace(reading_weight=weight)
+        return predict_lengths(photo.shared, exact, photo.pairs)
 
     step = 1e-4
     gained = (predicted_at(1 + step).variance - predicted_at(1 - step).variance) / (2 * step)

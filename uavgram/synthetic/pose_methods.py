@@ -13,11 +13,11 @@ from uavgram.estimation.first_poses.length_poses import LengthFrames, search_fra
 from uavgram.estimation.first_poses.photo_problem import (
     PhotoProblem,
     Photos,
+    SharedErrors,
     State,
-    share_nothing,
 )
 from uavgram.estimation.first_poses.resection import LineRows
-from uavgram.estimation.repeated.single_photo import adjust_each, intersect_ground
+from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
 from uavgram.geometry.camera.projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import pose_above_plane
 from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
@@ -299,8 +299,8 @@ def find_minima(scenes: MethodScenes, uses: frozenset[str], starts: Starts) -> F
         reading_weight=np.broadcast_to(1.0 / sigma, (count, len(sigma))),
     )
     photos = observed.take(owner)._replace(center=prior[0], rotation=prior[1])
-    exact = share_nothing(scenes.calibration)
-    found = adjust_each(exact, photos, (center, rotation), undamped=0, settled=LAST_REDUCTION)
+    exact = SharedErrors(scenes.calibration)
+    found = adjust_photos(exact, photos, (center, rotation), undamped=0, settled=LAST_REDUCTION)
     cost = np.nan_to_num(found.cost, nan=np.inf).reshape(count, many)
     order = np.argsort(cost, axis=1, kind="stable")
     at = many * np.arange(count)[:, None] + order
@@ -373,7 +373,7 @@ def _judge(scenes: MethodScenes, found: FoundPoses, told: Bools | None = None) -
     poses = found.center[:, 0], found.rotation[:, 0]
     photos = _observe_lengths(scenes, scenes.check_px, scenes.check_m)
     photos = photos._replace(center=poses[0], rotation=poses[1])
-    exact = share_nothing(scenes.calibration)
+    exact = SharedErrors(scenes.calibration)
     place = intersect_ground(scenes.calibration, photos, poses)
     state = State(poses[0], np.zeros_like(poses[0]), place, np.zeros((len(place), 0)))
     # variance by propagation: from the pose, and from the picks of the distance itself

@@ -7,8 +7,9 @@ from zlib import crc32
 
 import numpy as np
 
+from uavgram.estimation.first_poses.photo_problem import Photos, SharedErrors
 from uavgram.estimation.repeated.predicted_lengths import add_errors, predict_lengths
-from uavgram.estimation.repeated.single_photo import adjust_photos, make_shared_errors
+from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
@@ -19,7 +20,7 @@ from uavgram.geometry.motion.rotation import (
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.options import GroundOptions
-from uavgram.model.simulation import Cell, PhotoDesign, PhotoDraws
+from uavgram.model.simulation import Cell
 from uavgram.pipeline.threads import one_blas_thread
 
 SIZE_PX = (4000, 3000)
@@ -272,12 +273,11 @@ LENS = CAMERA.parameters
 
 @dataclass(frozen=True)
 class StudyPhoto:
-    """A scene's geometry: design, true pose, true positions (E, 2), measured pairs (M, 2)."""
+    """A scene's photo without errors, its true positions (E, 2), and measured pairs (M, 2)."""
 
     scene: StudyScene
-    design: PhotoDesign
-    center: Floats
-    rotation: Floats
+    shared: SharedErrors
+    exact: Photos
     place_m: Floats
     pairs: Ints
 
@@ -306,39 +306,25 @@ def make_photo(scene: StudyScene) -> StudyPhoto:
     pixel = _project_exactly(place, center, rotation)
     if not (np.all(pixel > 0) and np.all(pixel < np.array(SIZE_PX))):
         raise ValueError(f"not everything is in the photo: {scene}")
-    design = PhotoDesign(
-        calibration=CAMERA,
-        height_m=np.zeros(len(place)),
-        line=line,
-        pixel_sigma_px=np.full(len(place), scene.pick_px),
-        length_sigma_m=np.full(len(line), scene.tape_m),
-        information=np.diag(LOG_SIGMAS**-2.0),
-        camera_root=_camera_root(scene),
-        ground_root=GROUND_ROOT,
-        tape_scale_sigma=scene.tape_scale,
-    )
-    return StudyPhoto(scene, design, center, rotation, place, pairs)
-
-
-def make_exact_draw(photo: StudyPhoto) -> PhotoDraws:
-    """Return the photo without any error.
-
-    Parameters
-    ----------
-    photo
-        The geometry.
-    """
-    pixel = _project_exactly(photo.place_m, photo.center, photo.rotation)
-    return PhotoDraws(
+    exact = Photos(
         pixel_px=pixel[None],
-        length_m=_lengths(photo.place_m, photo.design.line)[None],
-        center_world_m=photo.center[None],
-        world_from_camera=photo.rotation[None],
+        pixel_weight=np.full((1, len(place)), 1.0 / scene.pick_px),
+        height_m=np.zeros((1, len(place))),
         ground=np.zeros((1, 3)),
+        center=center[None],
+        rotation=rotation[None],
+        information=np.diag(LOG_SIGMAS**-2.0)[None],
+        line=line[None],
+        toward=np.zeros((1, 0, 2)),
+        placed=np.zeros((1, 0), np.int64),
+        reading_m=_lengths(place, line)[None],
+        reading_weight=np.full((1, len(line)), 1.0 / scene.tape_m),
     )
+    shared = SharedErrors(CAMERA, _camera_root(scene), GROUND_ROOT, scene.tape_scale)
+    return StudyPhoto(scene, shared, exact, place, pairs)
 
 
-def draw_observations(photo: StudyPhoto, count: int, rng: np.random.Generator) -> PhotoDraws:
+def draw_observations(photo: StudyPhoto, count: int, rng: np.random.Generator) -> Photos:
     """Draw observations with all errors of the scene.
 
     Parameters
@@ -348,17 +334,16 @@ def draw_observations(photo: StudyPhoto, count: int, rng: np.random.Generator) -
     rng
         Of the draws.
     """
-    design = photo.design
-    shared = make_shared_errors(design)
+    shared = photo.shared
     camera = rng.standard_normal((shared.camera_root.shape[1], count)).T
     pick = rng.standard_normal((count, 2 * len(photo.place_m)))
-    reading = rng.standard_normal((count, len(design.line)))
-    tape = rng.standard_normal((count, 1))[:, : bool(design.tape_scale_sigma)]
+    reading = rng.standard_normal((count, photo.exact.line.shape[1]))
+    tape = rng.standard_normal((count, 1))[:, : bool(shared.tape_scale_sigma)]
     off = rng.standard_normal((count, 6))
     ground = rng.standard_normal((count, shared.ground_root.shape[1]))
     # true = prior @ exp(error), so the prior's rotation has the opposite one
     errors = [reading, pick, off[:, :3], -off[:, 3:], -camera, ground, -tape]
-    return add_errors(design, make_exact_draw(photo), np.concatenate(errors, axis=1))
+    return add_errors(shared, photo.exact, np.concatenate(errors, axis=1))
 
 
 def _project_exactly(place_m: Floats, center: Floats, rotation: Floats) -> Floats:
@@ -367,13 +352,12 @@ def _project_exactly(place_m: Floats, center: Floats, rotation: Floats) -> Float
     return project("brown", LENS, (world - center) @ rotation)
 
 
-def _camera_root(scene: StudyScene) -> Floats | None:
+def _camera_root(scene: StudyScene) -> Floats:
     """Return the root of the camera's covariance: focal length, and principal point."""
     root = np.zeros((9, 3))
     root[:2, 0] = scene.focal_share * FOCAL_PX
     root[2, 1] = root[3, 2] = scene.centre_px
-    kept = root[:, np.any(root != 0, axis=0)]
-    return kept if kept.size else None
+    return root[:, np.any(root != 0, axis=0)]
 
 
 def _list_taped(scene: StudyScene) -> tuple[Floats, Ints]:
@@ -422,10 +406,11 @@ def simulate_cell(place: StudyCell, repetitions: int) -> Cell:
     scene = place.scene
     with one_blas_thread():
         photo = make_photo(scene)
-        expected = predict_lengths(photo.design, make_exact_draw(photo), photo.place_m, photo.pairs)
+        expected = predict_lengths(photo.shared, photo.exact, photo.pairs)
         rng = np.random.default_rng([19, crc32(repr(scene).encode())])
         draws = draw_observations(photo, repetitions, rng)
-        found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
+        truth = photo.exact.center[0], photo.exact.rotation[0]
+        found = adjust_photos(photo.shared, draws, truth)
     # errors of the distances in the repetitions that converged
     ends = found.place_m[:, photo.pairs]
     error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)

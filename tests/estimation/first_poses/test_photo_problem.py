@@ -14,7 +14,6 @@ from uavgram.estimation.first_poses.photo_problem import (
     SharedErrors,
     State,
 )
-from uavgram.estimation.repeated.single_photo import make_photos
 from uavgram.model.arrays import Floats
 
 EASTWARD = np.array([0.8, -0.6])
@@ -27,8 +26,8 @@ def problem() -> PhotoProblem:
     scene = photo_scene(1, slope=True, joined=True)
     root = np.zeros((9, 2))
     root[:2, 0], root[4, 1] = 20.0, 0.01
-    shared = SharedErrors(scene.design.calibration, root, np.diag([0.3, 0.05, 0.05]), 2e-3)
-    photos = make_photos(scene.design, scene.draws)
+    shared = SharedErrors(scene.shared.calibration, root, np.diag([0.3, 0.05, 0.05]), 2e-3)
+    photos = scene.draws
     return PhotoProblem(
         shared,
         photos._replace(

@@ -13,12 +13,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground, make_photos
+from uavgram.estimation.first_poses.photo_problem import Photos, SharedErrors
+from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.readjustment import refit
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
-from uavgram.model.simulation import PhotoDesign, PhotoDraws
 from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import assemble_survey
 from uavgram.pipeline.measure.pose import pose_frames
@@ -31,7 +31,7 @@ from uavgram.synthetic.survey import make_inputs, simulate
 @pytest.mark.parametrize(("slope", "joined"), [(False, False), (True, False), (True, True)])
 def test_the_minimum_is_that_of_scipy_over_all_unknowns(slope: bool, joined: bool) -> None:  # noqa: FBT001
     scene = photo_scene(3, slope=slope, joined=joined)
-    found = adjust_photos(scene.design, scene.draws, (scene.center, scene.rotation))
+    found = adjust_photos(scene.shared, scene.draws, (scene.center, scene.rotation))
     assert found.converged.all()
     for draw in range(3):
         best = least_squares(
@@ -49,7 +49,7 @@ def test_the_minimum_is_that_of_scipy_over_all_unknowns(slope: bool, joined: boo
             [
                 found.center_world_m[draw] - best.x[:3],
                 Rotation.from_matrix(
-                    (scene.draws.world_from_camera[draw] @ turn(best.x[3:6])).T
+                    (scene.draws.rotation[draw] @ turn(best.x[3:6])).T
                     @ found.world_from_camera[draw]
                 ).as_rotvec(),
             ]
@@ -65,7 +65,7 @@ def turn(vector: Floats) -> Floats:
 @pytest.mark.parametrize("joined", [False, True])
 def test_errors_are_as_large_as_the_covariances_say(joined: bool) -> None:  # noqa: FBT001
     scene = photo_scene(2000, seed=3, slope=True, joined=joined)
-    found = adjust_photos(scene.design, scene.draws)
+    found = adjust_photos(scene.shared, scene.draws)
     assert found.converged.all()
     error = pose_errors(scene, found.center_world_m, found.world_from_camera)
     weight = np.linalg.inv(found.covariance)
@@ -73,7 +73,7 @@ def test_errors_are_as_large_as_the_covariances_say(joined: bool) -> None:  # no
     assert chi2.ppf(1e-4, 6 * len(error)) < total < chi2.isf(1e-4, 6 * len(error))
     # The cost has as many degrees of freedom as there are lengths: each pose beforehand and each
     # sighting stand against an unknown.
-    free = len(scene.design.line) * len(error)
+    free = scene.draws.line.shape[1] * len(error)
     assert chi2.ppf(1e-4, free) < float(found.cost.sum()) < chi2.isf(1e-4, free)
 
 
@@ -84,8 +84,8 @@ def pose_errors(scene: Scene, center: Floats, rotation: Floats) -> Floats:
 
 def test_where_it_begins_does_not_matter() -> None:
     scene = photo_scene(300, seed=5)
-    near = adjust_photos(scene.design, scene.draws, (scene.center, scene.rotation))
-    far = adjust_photos(scene.design, scene.draws)
+    near = adjust_photos(scene.shared, scene.draws, (scene.center, scene.rotation))
+    far = adjust_photos(scene.shared, scene.draws)
     both = near.converged & far.converged
     assert both.all()
     sigma = np.sqrt(np.einsum("bii->bi", near.covariance))
@@ -97,22 +97,21 @@ def test_where_it_begins_does_not_matter() -> None:
 
 def test_what_does_not_come_to_rest_is_marked_and_nothing_else_suffers() -> None:
     scene = photo_scene(50, seed=7)
-    behind = scene.draws.center_world_m.copy()
+    behind = scene.draws.center.copy()
     behind[:5, 2] -= 2 * HEIGHT_M  # below the ground: no end is in front of the camera
-    draws = dataclasses.replace(scene.draws, center_world_m=behind)
-    found = adjust_photos(scene.design, draws)
+    draws = scene.draws._replace(center=behind)
+    found = adjust_photos(scene.shared, draws)
     assert not found.converged[:5].any()
     assert np.isnan(found.cost[:5]).all()
     assert np.isnan(found.covariance[:5]).all()
-    alone = adjust_photos(scene.design, scene.draws)
+    alone = adjust_photos(scene.shared, scene.draws)
     assert np.allclose(found.center_world_m[5:], alone.center_world_m[5:], atol=1e-9)
 
 
 def test_pixels_meet_the_ground_where_the_points_stand() -> None:
     scene = photo_scene(1, slope=True)
     pose = scene.center[None], scene.rotation[None]
-    photos = make_photos(scene.design, scene.draws)
-    place = intersect_ground(scene.design.calibration, photos, pose)
+    place = intersect_ground(scene.shared.calibration, scene.draws, pose)
     # A pixel is HEIGHT_M / 2250 m: the draw's noise, five sigmas of it on tilted ground.
     assert np.abs(place[0] - scene.ends_m[:, :2]).max() < 8 * 0.8 * HEIGHT_M / 2250
 
@@ -201,25 +200,26 @@ def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT0
         assert survey.seeds is not None
         assert survey.telemetry is not None
         order, label = np.argsort(survey.pick_label), np.arange(len(survey.label))
-        design = PhotoDesign(
-            calibration=survey.calibration,
-            height_m=np.zeros(len(survey.label)),
-            line=np.column_stack([survey.line_start, survey.line_end]),
-            pixel_sigma_px=survey.pick_sigma_px[order],
-            length_sigma_m=survey.length_sigma_m,
-            information=np.linalg.inv(survey.telemetry.covariance[0]),
-            camera_root=root_of(survey.calibration.covariance) if shared else None,
-            ground_root=root_of_plane(adjustment) if shared else None,
-            tape_scale_sigma=survey.tape_scale_sigma,
-        )
-        draws = PhotoDraws(
+        errors = SharedErrors(survey.calibration)
+        if shared:
+            root = root_of(survey.calibration.covariance)
+            plane = root_of_plane(adjustment)
+            errors = SharedErrors(survey.calibration, root, plane, survey.tape_scale_sigma)
+        photo = Photos(
             pixel_px=survey.pixel_px[order][None],
-            length_m=survey.length_m[None],
-            center_world_m=survey.seeds.center_world_m[:1],
-            world_from_camera=survey.seeds.world_from_camera[:1],
+            pixel_weight=1.0 / survey.pick_sigma_px[order][None],
+            height_m=np.zeros((1, len(survey.label))),
             ground=np.array([[survey.ground.height_m, 0.0, 0.0]]),
+            center=survey.seeds.center_world_m[:1],
+            rotation=survey.seeds.world_from_camera[:1],
+            information=np.linalg.inv(survey.telemetry.covariance[:1]),
+            line=np.column_stack([survey.line_start, survey.line_end])[None],
+            toward=np.zeros((1, 0, 2)),
+            placed=np.zeros((1, 0), np.int64),
+            reading_m=survey.length_m[None],
+            reading_weight=1.0 / survey.length_sigma_m[None],
         )
-        found = adjust_photos(design, draws)
+        found = adjust_photos(errors, photo)
         assert found.converged.all()
         # The program stops at steps of 1e-5 sigmas: a few more of its own.
         state = refit(adjustment, {}, at_rest=1e-20)

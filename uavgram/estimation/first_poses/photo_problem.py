@@ -42,16 +42,16 @@ class SharedErrors(NamedTuple):
     calibration
         Camera; its covariance is not used.
     camera_root
-        (P, C) effect of C errors on the camera's parameters.
+        (P, C) effect of C errors on the camera's parameters: a root of their covariance.
     ground_root
         (3, G) effect of G errors on height and slopes of the ground.
     tape_scale_sigma
-        Standard deviation of the tape's scale; 0: it is exact.
+        Standard deviation of the tape's scale, relative to the length; 0: it is exact.
     """
 
     calibration: Calibration
-    camera_root: Floats
-    ground_root: Floats
+    camera_root: Floats = np.zeros((1, 0))
+    ground_root: Floats = np.zeros((3, 0))
     tape_scale_sigma: float = 0.0
 
     @property
@@ -70,11 +70,6 @@ class SharedErrors(NamedTuple):
         return self.ground.stop + bool(self.tape_scale_sigma)
 
 
-def share_nothing(calibration: Calibration) -> SharedErrors:
-    """Return the errors of a camera, ground and tape that are exact: none."""
-    return SharedErrors(calibration, np.zeros((len(calibration.parameters), 0)), np.zeros((3, 0)))
-
-
 class Photos(NamedTuple):
     """Observations of B photos.
 
@@ -87,7 +82,8 @@ class Photos(NamedTuple):
         its slopes to east and north.
     center, rotation, information
         (B, 3), (B, 3, 3) prior pose, (B, 6, 6) inverse of its covariance: (δcentre world, rotation
-        vector in the camera).
+        vector in the camera); 0 if there is no prior. Where the readings leave position or heading
+        free, any small number there fixes the pose without changing a length.
     line, toward, placed
         (B, L, 2) points at the ends of the lengths, (B, R - L, 2) directions of the coordinates,
         (B, R - L) points that have them.
@@ -111,6 +107,10 @@ class Photos(NamedTuple):
     def take(self, rows: Ints | slice) -> Photos:
         """Return some of the photos."""
         return Photos(*(column[rows] for column in self))
+
+    def repeat(self, count: int) -> Photos:
+        """Return a single photo `count` times."""
+        return Photos(*(np.broadcast_to(one[0], (count, *one.shape[1:])) for one in self))
 
 
 class State(NamedTuple):

@@ -6,7 +6,6 @@ readings share, each in its sigmas and in this order.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,56 +23,50 @@ from uavgram.estimation.measuring.second_order import (
     compute_second_order_terms,
     make_moves,
 )
-from uavgram.estimation.repeated.single_photo import (
-    adjust_photos,
-    intersect_ground,
-    make_photos,
-    make_shared_errors,
-)
+from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 MIN_VARIANCE_SHARE = 1e-9
 """Variance, as a share of the largest, below which directions move no length."""
 
 
 def compute_second_order(
-    design: PhotoDesign, exact: PhotoDraws, pairs: Ints, by_error: Floats
+    shared: SharedErrors, exact: Photos, pairs: Ints, by_error: Floats
 ) -> SecondOrderTerms:
     """Compute second-order terms of measured lengths by moving all errors and readjusting.
 
     Parameters
     ----------
-    design, exact, pairs
+    shared, exact, pairs
         As in `predict_lengths`. An end without a known length belongs to one pair only.
     by_error
         (R, n) slopes of lengths by the errors: of the measured ones, and of others that show how
         the errors move the photo.
     """
-    directions = _directions(design, pairs, by_error)
+    directions = _directions(exact, pairs, by_error)
     moved = np.concatenate([make_moves(directions), np.zeros((1, by_error.shape[1]))])
-    draws = add_errors(design, exact, moved)
-    start = exact.center_world_m[0], exact.world_from_camera[0]
-    found = adjust_photos(design, draws, start)
+    start = exact.center[0], exact.rotation[0]
+    found = adjust_photos(shared, add_errors(shared, exact, moved), start)
     ends = found.place_m[:, pairs]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     length[~found.converged] = np.nan
     return compute_second_order_terms(length[:-1], length[-1])
 
 
-def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
+def _directions(exact: Photos, pairs: Ints, by_error: Floats) -> Floats:
     """Return (d, n) orthonormal directions of the errors with the largest first-order effects.
 
     Those that move the photo are common to all lengths. Ends without a known length move only their
     own one: those of all pairs move at once.
     """
-    picks = len(design.line) + np.arange(2 * len(design.height_m)).reshape(-1, 2)
-    loose = np.setdiff1d(pairs, design.line)
-    shared = by_error.copy()
-    shared[:, picks[loose].ravel()] = 0.0
+    line = exact.line[0]
+    picks = len(line) + np.arange(2 * exact.height_m.shape[1]).reshape(-1, 2)
+    loose = np.setdiff1d(pairs, line)
+    common = by_error.copy()
+    common[:, picks[loose].ravel()] = 0.0
     size = np.linalg.norm(by_error, axis=1, keepdims=True)
-    _, spread, axes = np.linalg.svd(shared / np.where(size > 0, size, 1.0), full_matrices=False)
+    _, spread, axes = np.linalg.svd(common / np.where(size > 0, size, 1.0), full_matrices=False)
     own = np.zeros((4, by_error.shape[1]))
     for end in (0, 1):
         for k in (0, 1):
@@ -81,38 +74,37 @@ def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
     return np.concatenate([axes[spread**2 > MIN_VARIANCE_SHARE * spread[0] ** 2], own])
 
 
-def add_errors(design: PhotoDesign, exact: PhotoDraws, moved: Floats) -> PhotoDraws:
-    """Return the observations with errors.
+def add_errors(shared: SharedErrors, exact: Photos, moved: Floats) -> Photos:
+    """Return a photo's observations with errors.
 
     Parameters
     ----------
-    design, exact
-        Photo, and one draw without any error.
+    shared, exact
+        Shared errors, and the photo without any error.
     moved
         (S, n) the errors. Those of camera and tape are errors of their stated values: at a positive
         one the picks and readings are those of a smaller true value.
     """
-    ends, known = len(design.height_m), len(design.line)
-    reading, pick, pose, shared = np.split(
-        moved, [known, known + 2 * ends, known + 2 * ends + 6], axis=1
+    points, known = exact.height_m.shape[1], exact.line.shape[1]
+    reading, pick, pose, common = np.split(
+        moved, [known, known + 2 * points, known + 2 * points + 6], axis=1
     )
     # Shifts of the picks by the camera's errors, at the true places.
-    errors, photos = make_shared_errors(design), make_photos(design, exact)
-    place = intersect_ground(design.calibration, photos, (photos.center, photos.rotation))
-    by_camera = _linearise(errors, photos, place).shift[0][..., POSE.stop :][..., errors.camera]
-    pick = pick.reshape(-1, ends, 2) - np.einsum("ejk,sk->sej", by_camera, shared[:, errors.camera])
-    length = exact.length_m + design.length_sigma_m * reading
-    if design.tape_scale_sigma:
-        length = length / (1.0 - design.tape_scale_sigma * shared[:, -1:])
-    ground = exact.ground + shared[:, errors.ground] @ errors.ground_root.T
+    by_camera = _linearise(shared, exact).shift[0][..., POSE.stop :][..., shared.camera]
+    pick = pick.reshape(-1, points, 2) - np.einsum(
+        "ejk,sk->sej", by_camera, common[:, shared.camera]
+    )
+    length = exact.reading_m + reading / exact.reading_weight
+    if shared.tape_scale_sigma:
+        length = length / (1.0 - shared.tape_scale_sigma * common[:, -1:])
     # Prior pose: errors of sigma 1 times the inverse root of its information.
-    off = pose @ np.linalg.pinv(compute_root(design.information))
-    return PhotoDraws(
-        pixel_px=exact.pixel_px + design.pixel_sigma_px[:, None] * pick,
-        length_m=length,
-        center_world_m=exact.center_world_m + off[:, :3],
-        world_from_camera=exact.world_from_camera @ exp_so3(off[:, 3:]),
-        ground=ground,
+    off = pose @ np.linalg.pinv(compute_root(exact.information[0]))
+    return exact.repeat(len(moved))._replace(
+        pixel_px=exact.pixel_px + pick / exact.pixel_weight[..., None],
+        reading_m=length,
+        center=exact.center + off[:, :3],
+        rotation=exact.rotation @ exp_so3(off[:, 3:]),
+        ground=exact.ground + common[:, shared.ground] @ shared.ground_root.T,
     )
 
 
@@ -160,9 +152,7 @@ class PredictedLengths(NamedTuple):
         return np.sqrt(np.where(np.isfinite(whole), whole, self.variance))
 
 
-def predict_lengths(
-    design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
-) -> PredictedLengths:
+def predict_lengths(shared: SharedErrors, exact: Photos, pairs: Ints) -> PredictedLengths:
     """Predict the covariance of the adjustment at the truth, its parts, and second-order terms.
 
     With unknowns x, all with priors except through the readings, the estimate's error is C (H^T
@@ -171,20 +161,16 @@ def predict_lengths(
 
     Parameters
     ----------
-    design
-        Design of the photo.
-    exact
-        One draw without any error.
-    place_m
-        (E, 2) true places of its ends.
+    shared, exact
+        Shared errors, and the photo without any error.
     pairs
-        (M, 2) ends of the measured lengths. An end without a known length belongs to one of them
-        only.
+        (M, 2) points at the ends of the measured lengths. A point without a known length belongs to
+        one of them only.
     """
-    slopes = compute_slopes(design, exact, place_m, pairs)
-    of_plane = make_shared_errors(design).ground
-    known, first = len(design.line), 2 * len(place_m) + len(design.line) + 6
-    at = [known, first - 6, first, first + of_plane.start, first + of_plane.stop]
+    slopes = compute_slopes(shared, exact, pairs)
+    known = exact.line.shape[1]
+    first = known + 2 * exact.height_m.shape[1] + 6
+    at = [known, first - 6, first, first + shared.ground.start, first + shared.ground.stop]
     # Variance by each error: squared slope; summed by source.
     squares = slopes.by_error[known:] ** 2
     lengths, picks, beforehand, camera, ground, tape = (
@@ -192,7 +178,7 @@ def predict_lengths(
     )
     return PredictedLengths(
         variance=slopes.variance,
-        bent=compute_second_order(design, exact, pairs, slopes.by_error),
+        bent=compute_second_order(shared, exact, pairs, slopes.by_error),
         lengths=lengths,
         picks=picks,
         beforehand=beforehand,
@@ -218,44 +204,41 @@ class LengthSlopes(NamedTuple):
     variance: Floats
 
 
-def compute_slopes(
-    design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
-) -> LengthSlopes:
+def compute_slopes(shared: SharedErrors, exact: Photos, pairs: Ints) -> LengthSlopes:
     """Compute the slopes of the adjustment at the truth.
 
     Parameters
     ----------
-    design, exact, place_m, pairs
+    shared, exact, pairs
         As in `predict_lengths`.
     """
-    known, picks = len(design.line), 2 * len(place_m)
-    # All lengths, the known and the measured ones, at the truth.
-    every = replace(
-        design,
-        line=np.concatenate([design.line, pairs]),
-        length_sigma_m=np.concatenate([design.length_sigma_m, np.ones(len(pairs))]),
+    known, picks = exact.line.shape[1], 2 * exact.height_m.shape[1]
+    # All lengths, the known and the measured ones.
+    measured = np.ones((1, len(pairs)))
+    every = exact._replace(
+        line=np.concatenate([exact.line, pairs[None]], axis=1),
+        reading_m=np.concatenate([exact.reading_m, measured], axis=1),
+        reading_weight=np.concatenate([exact.reading_weight, measured], axis=1),
     )
-    reading = np.concatenate([exact.length_m, np.ones((1, len(pairs)))], axis=1)
-    shared = make_shared_errors(every)
-    photos = make_photos(every, replace(exact, length_m=reading))
-    linear = _linearise(shared, photos, place_m[None])
+    linear = _linearise(shared, every)
     by_pose, by_common = np.split(linear.by_unknown[0], [POSE.stop], axis=1)
-    if design.tape_scale_sigma:
+    if shared.tape_scale_sigma:
         by_common[known:, -1] = 0.0  # measured lengths are not read on a tape
-    by_pick = linear.by_error[0].reshape(len(every.line), -1)
+    by_pick = linear.by_error[0].reshape(-1, picks)
     weighted = np.concatenate([by_pose, by_pick, by_common], axis=1)
-    rows = weighted * every.length_sigma_m[:, None]
+    rows = weighted / every.reading_weight[0][:, None]
     # Gain of the estimate: rows (prior information + H^T R^-1 H)^-1.
     before = np.eye(rows.shape[1])
-    before[POSE, POSE] = design.information
+    before[POSE, POSE] = exact.information[0]
     gain = rows @ np.linalg.inv(before + weighted[:known].T @ weighted[:known])
     pose, pick, common = np.split(gain, [6, 6 + picks], axis=1)
-    parts = [gain @ weighted[:known].T, pick, pose @ compute_root(design.information), common]
+    parts = [gain @ weighted[:known].T, pick, pose @ compute_root(exact.information[0]), common]
     variance = np.einsum("mi,mi->m", gain[known:], rows[known:])
     return LengthSlopes(np.concatenate(parts, axis=1), variance)
 
 
-def _linearise(shared: SharedErrors, photos: Photos, place_m: Floats) -> PhotoRows:
-    """Linearise photos at their prior poses and at places (B, E, 2), without errors."""
-    none = np.zeros_like(photos.center), place_m, np.zeros((len(place_m), shared.count))
-    return PhotoProblem(shared, photos).compute_rows(photos, State(photos.center, *none))
+def _linearise(shared: SharedErrors, exact: Photos) -> PhotoRows:
+    """Linearise photos without errors at their poses, and at the places of their picks."""
+    place = intersect_ground(shared.calibration, exact, (exact.center, exact.rotation))
+    none = np.zeros_like(exact.center), place, np.zeros((len(place), shared.count))
+    return PhotoProblem(shared, exact).compute_rows(exact, State(exact.center, *none))

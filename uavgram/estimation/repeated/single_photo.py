@@ -1,6 +1,8 @@
-"""Adjustment of one photo with known lengths, for many draws of its observations at once."""
+"""Adjustment of many single photos with known lengths, such as draws of one photo."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,14 +14,12 @@ from uavgram.estimation.first_poses.photo_problem import (
     State,
     compute_places,
     rotate,
-    share_nothing,
 )
 from uavgram.estimation.solver.batched import invert_each, minimise_each
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.motion.rotation import log_so3
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera import Calibration
-from uavgram.model.simulation import PhotoDesign, PhotoDraws, PhotoPosesFound
 
 BLOCK_SIZE = 2000
 """Draws at a time: enough that the overhead of Python is negligible, few enough for the cache."""
@@ -33,89 +33,61 @@ UNDAMPED_STEPS, SMALL_DAMPING = 12, 1e-9
 few draws that do not converge start again with damped steps."""
 
 
-def make_shared_errors(design: PhotoDesign) -> SharedErrors:
-    """Return the errors that all observations of a photo share."""
-    shared = share_nothing(design.calibration)
-    return SharedErrors(
-        design.calibration,
-        shared.camera_root if design.camera_root is None else design.camera_root,
-        shared.ground_root if design.ground_root is None else design.ground_root,
-        design.tape_scale_sigma,
-    )
+class PhotoPoses(NamedTuple):
+    """B adjusted photos.
 
+    Attributes
+    ----------
+    center_world_m, world_from_camera, covariance
+        (B, 3), (B, 3, 3), (B, 6, 6) as in `Poses`; NaN covariance where the adjustment did not
+        converge.
+    place_m
+        (B, E, 3) of the points.
+    common
+        (B, K) the errors of camera, ground and tape, in that order; K = 0 where all are exact.
+    cost
+        (B,) weighted sum of squares; NaN where the initial pose was impossible.
+    converged, steps
+        (B,) whether the adjustment converged, and its number of steps.
+    """
 
-def make_photos(design: PhotoDesign, draws: PhotoDraws) -> Photos:
-    """Return the observations of every draw."""
-    count = len(draws.length_m)
-
-    def each(value: Floats) -> Floats:
-        return np.broadcast_to(value, (count, *value.shape))
-
-    return Photos(
-        pixel_px=draws.pixel_px,
-        pixel_weight=each(1.0 / design.pixel_sigma_px),
-        height_m=each(design.height_m),
-        ground=draws.ground,
-        center=draws.center_world_m,
-        rotation=draws.world_from_camera,
-        information=each(design.information),
-        line=np.broadcast_to(design.line, (count, *design.line.shape)),
-        toward=np.zeros((count, 0, 2)),
-        placed=np.zeros((count, 0), np.int64),
-        reading_m=draws.length_m,
-        reading_weight=each(1.0 / design.length_sigma_m),
-    )
+    center_world_m: Floats
+    world_from_camera: Floats
+    covariance: Floats
+    place_m: Floats
+    common: Floats
+    cost: Floats
+    converged: Bools
+    steps: Ints
 
 
 def adjust_photos(
-    design: PhotoDesign,
-    draws: PhotoDraws,
+    shared: SharedErrors,
+    photos: Photos,
     start: tuple[Floats, Floats] | None = None,
     undamped: int = UNDAMPED_STEPS,
     settled: float = MIN_REDUCTION,
-) -> PhotoPosesFound:
-    """Adjust every draw.
+) -> PhotoPoses:
+    """Adjust every photo; those that did not converge are marked.
 
     Parameters
     ----------
-    design
-        Design common to the draws.
-    draws
-        B draws.
+    shared, photos
+        Errors that all observations of a photo share, and B photos.
     start
         (3,), (3, 3) initial pose, or (B, 3), (B, 3, 3); None: each starts at its prior pose.
     undamped
         Largest number of steps before the damped ones; 0 for poor starts.
     settled
         Expected reduction of the sum of squares by the last step.
-
-    Returns
-    -------
-    PhotoPosesFound
-        Draws that did not converge are marked.
     """
-    photos = make_photos(design, draws)
     center, rotation = start or (photos.center, photos.rotation)
-    begun = (
-        np.broadcast_to(center, photos.center.shape),
-        np.broadcast_to(rotation, photos.rotation.shape),
-    )
-    return adjust_each(make_shared_errors(design), photos, begun, undamped, settled)
-
-
-def adjust_each(
-    shared: SharedErrors,
-    photos: Photos,
-    start: tuple[Floats, Floats],
-    undamped: int = UNDAMPED_STEPS,
-    settled: float = MIN_REDUCTION,
-) -> PhotoPosesFound:
-    """Adjust photos from initial poses (B, 3), (B, 3, 3); see `adjust_photos`."""
-    center, rotation = start
+    center = np.broadcast_to(center, photos.center.shape)
+    rotation = np.broadcast_to(rotation, photos.rotation.shape)
     first = State(
         center,
         log_so3(photos.rotation.swapaxes(1, 2) @ rotation),
-        intersect_ground(shared.calibration, photos, start),
+        intersect_ground(shared.calibration, photos, (center, rotation)),
         np.zeros((len(center), shared.count)),
     )
     found = []
@@ -123,10 +95,7 @@ def adjust_each(
         rows = slice(begin, begin + BLOCK_SIZE)
         begun = State(*(part[rows] for part in first))
         found.append(_adjust_block(shared, photos.take(rows), begun, undamped, settled))
-    names = vars(found[0])
-    return PhotoPosesFound(
-        **{name: np.concatenate([getattr(one, name) for one in found]) for name in names}
-    )
+    return PhotoPoses(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 def intersect_ground(camera: Calibration, photos: Photos, poses: tuple[Floats, Floats]) -> Floats:
@@ -155,7 +124,7 @@ def intersect_ground(camera: Calibration, photos: Photos, poses: tuple[Floats, F
 
 def _adjust_block(
     shared: SharedErrors, photos: Photos, first: State, undamped: int, settled: float
-) -> PhotoPosesFound:
+) -> PhotoPoses:
     """Adjust photos that fit the processor's cache together."""
     problem = PhotoProblem(shared, photos)
     ends = minimise_each(
@@ -175,7 +144,7 @@ def _adjust_block(
     by_step[:, 3:, 3:] = by_vector
     covariance = by_step @ covariance @ by_step.swapaxes(1, 2)
     place, _ = compute_places(shared, photos, state)
-    return PhotoPosesFound(
+    return PhotoPoses(
         center_world_m=state.center,
         world_from_camera=rotation,
         covariance=np.where(at_rest[:, None, None], covariance, np.nan),
