@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -260,3 +261,24 @@ def yaml_text(data: Plain) -> str:
         data, sort_keys=False, allow_unicode=True, width=WIDTH, default_flow_style=None
     )
     return text
+
+
+def plain_settings(value: object) -> Plain:
+    """Return settings as plain data, without the values of data classes that are their defaults."""
+    if is_dataclass(value):
+        return {
+            one.name: plain_settings(getattr(value, one.name))
+            for one in fields(value)
+            if getattr(value, one.name) != _default(one)
+        }
+    if isinstance(value, tuple):
+        return [plain_settings(one) for one in value]
+    if isinstance(value, str | int | float | bool) or value is None:
+        return value
+    raise TypeError(f"{type(value).__name__} has no place in a YAML file")
+
+
+def _default(one: Any) -> object:  # noqa: ANN401  (a field of any class)
+    if one.default is not MISSING:
+        return one.default
+    return one.default_factory() if one.default_factory is not MISSING else MISSING

@@ -29,7 +29,7 @@ from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.synthetic.accident_scene import SAMPLE_MARK, TAPE_FILE, is_sample
 from uavgram.synthetic.rendering import render_photos
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.survey import SimulatedSurvey, format_project, simulate
+from uavgram.synthetic.survey import SimulatedSurvey, format_project, make_project, simulate
 
 JPEG_QUALITY = 92
 MAKE = "uavgram"
@@ -67,7 +67,7 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
         truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
         remove_link(folder / "truth.json").write_text(truth, encoding="utf-8")
         project = remove_link(folder / "project.yaml")
-        project.write_text(format_project(survey), encoding="utf-8")
+        project.write_text(format_project(make_project(survey.scenario)), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror}; name another") from error
     return project
@@ -104,9 +104,8 @@ def write_unpicked(
     ):
         _write_csv(folder / name, header, ())
     project = remove_link(folder / "project.yaml")
-    lines = format_project(survey).splitlines()
-    kept = [line.partition("; the one")[0] for line in lines if not line.startswith("check:")]
-    project.write_text("\n".join([about, *kept[1:], ""]), encoding="utf-8")
+    unchecked = replace(make_project(survey.scenario), check=None)
+    project.write_text(format_project(unchecked, about), encoding="utf-8")
     return project
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from uavgram.config.strict_yaml import Document, Plain, format_key_path, read_yaml, yaml_text
+from uavgram.config.strict_yaml import (
+    Document,
+    Plain,
+    format_key_path,
+    plain_settings,
+    read_yaml,
+    yaml_text,
+)
 from uavgram.config.validation import validate
 from uavgram.errors import InputError, suggest_spelling
 from uavgram.io.cameras import read_drone_cameras
@@ -95,27 +101,7 @@ def format_scenario(scenario: Scenario, remark: str = "") -> str:
     remark
         First line, behind ``#``.
     """
-    return (f"# {remark}\n" if remark else "") + yaml_text(_plain(scenario))
-
-
-def _plain(value: object) -> Plain:
-    if is_dataclass(value):
-        return {
-            one.name: _plain(getattr(value, one.name))
-            for one in fields(value)
-            if getattr(value, one.name) != _default(one)
-        }
-    if isinstance(value, tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, str | int | float | bool) or value is None:
-        return value
-    raise TypeError(f"{type(value).__name__} has no place in a scenario file")
-
-
-def _default(one: Any) -> object:  # noqa: ANN401  (a field of any class)
-    if one.default is not MISSING:
-        return one.default
-    return one.default_factory() if one.default_factory is not MISSING else MISSING
+    return (f"# {remark}\n" if remark else "") + yaml_text(plain_settings(scenario))
 
 
 def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from uavgram.config.strict_yaml import plain_settings, yaml_text
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera import Calibration
 from uavgram.model.flight_log import SimulatedLog
 from uavgram.model.frames import Photos
-from uavgram.model.limits import number_text
 from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.options import (
     GroundOptions,
@@ -361,83 +361,32 @@ def _pair(stated: tuple[float, ...]) -> tuple[float, float] | Literal["auto"]:
     return (stated[0], stated[1]) if stated else "auto"
 
 
-def format_project(survey: SimulatedSurvey) -> str:
-    """Return the text of the project file, with a comment on its first line.
+ABOUT = "# A simulated survey of a road accident; truth.json has the true values."
+REMARKS = {
+    "lines": 'taped lengths; the one of use "check" is withheld',
+    "check": "surveyed points, only to judge the result",
+    "ground": "a plane, a little below the place of take-off; leave its roughness out for a road",
+    "picks_identification_sigma_m": "nothing is picked beside; leave this out for photos",
+}
+"""Remarks on keys of the project file."""
+
+
+def format_project(project: Project, about: str = ABOUT) -> str:
+    """Return the text of a project file, without the options that have their default values.
 
     Parameters
     ----------
-    survey
-        Whose scenario it states.
+    project
+        What it states.
+    about
+        First line, a comment.
     """
-    errors, stated = survey.scenario.errors, survey.scenario.stated
-    arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
-    height = number_text(stated.ground_height_sigma_m)
-    beside = number_text(stated.picks_identification_sigma_m)
-    rough = number_text(stated.roughness_sigma_m)
-    text = f"""\
-# A simulated survey of a road accident; truth.json has the true values.
-name: {survey.scenario.name}
-images: photos/*.jpg
-log: flight.tlog
-camera: camera.yaml
-picks: picks.csv
-lines: lines.csv           # taped lengths; the one of use "check" is withheld
-measure: measure.csv
-check: check.csv           # surveyed points, only to judge the result
-output: out
-ground:
-  height_sigma_m: {height}      # the scene is a little below the place of take-off
-  roughness_sigma_m: {rough}     # it is a plane; leave this out for a road
-mount:
-  gimbal: auto             # the log has the gimbal's attitude
-  boresight_sigma_deg: {number_text(stated.boresight_sigma_deg)}
-  lever_arm_m: [{arm}]
-  lever_arm_sigma_m: {number_text(stated.lever_arm_sigma_m)}
-time:
-  offset_s: auto           # the camera's clock is wrong; the log's camera events show by how much
-  offset_sigma_s: {number_text(stated.clock_sigma_s)}
-picks_sigma_px: {number_text(errors.pick_px)}
-picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this out for photos
-"""
-    return _adapt_text(text, survey.scenario)
-
-
-def _adapt_text(text: str, scenario: Scenario) -> str:
-    """Adapt the demo's project text to the differences of another scenario."""
-    errors = scenario.errors
-    if scenario.telemetry == "none":
-        text = text.replace("log: flight.tlog\n", "")
-    if not scenario.flight.tells_clock:
-        told = number_text(errors.camera_clock_offset_s)
-        lines = text.splitlines()
-        at = next(i for i, line in enumerate(lines) if line.startswith("  offset_s: "))
-        lines[at] = f"  offset_s: {told}            # camera clock minus UTC"
-        text = "\n".join([*lines, ""])
-    if scenario.plates.at:
-        side, sigma = map(number_text, (scenario.plates.side_m, scenario.plates.sigma_m))
-        text += f"targets: {{family: {PLATE_FAMILY}, side_m: {side}, sigma_m: {sigma}}}\n"
-    if scenario.control:
-        text = text.replace("check: check.csv", "control: control.csv\ncheck: check.csv")
-    own, demo = make_project(scenario), make_project(Scenario())
-    for section in ("ground", "telemetry", "tape", "solve"):
-        here, there = getattr(own, section), getattr(demo, section)
-        rows = [
-            f"  {one.name}: {_yaml(value)}\n"
-            for one in fields(here)
-            if (value := getattr(here, one.name)) != getattr(there, one.name)
-            and f"  {one.name}: " not in text
-        ]
-        head = f"{section}:\n"
-        if rows:
-            text = text if head in text else text + head
-            text = text.replace(head, head + "".join(rows))
-    return text
-
-
-def _yaml(value: str | float | tuple[float, ...]) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(number_text, value))}]"
-    return value if isinstance(value, str) else number_text(value)
+    rows = [about, *yaml_text(plain_settings(project)).splitlines()]
+    remarks = (REMARKS.get(row.partition(":")[0]) for row in rows)
+    return "".join(
+        f"{row}  # {remark}\n" if remark else f"{row}\n"
+        for row, remark in zip(rows, remarks, strict=True)
+    )
 
 
 class DrawnSurvey(NamedTuple):
