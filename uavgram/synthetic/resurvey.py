@@ -17,7 +17,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
 from uavgram.estimation.survey.observed import SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, rows_of
 from uavgram.model.observations import KnownLines, KnownPoints, KnownWorldPoints
 from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import collect_observations, compute
@@ -178,15 +178,11 @@ def _select_telemetry(posed: PosedFrames, frame_id: tuple[str, ...]) -> PosedFra
         return posed
     row = {name: i for i, name in enumerate(telemetry.poses.frame_id)}
     index = np.array([row[name] for name in frame_id], dtype=np.int64)
-    prior = replace(
-        telemetry.prior,
-        frame_index=np.arange(len(index)),
-        time_s=telemetry.prior.time_s[index],
-        covariance=telemetry.prior.covariance[index],
-    )
+    some = rows_of(telemetry.prior, index) | {"frame_index": np.arange(len(index))}
+    prior = replace(telemetry.prior, **some)
     frames = replace(posed.frames, matched=np.isin(posed.frames.frame_id, frame_id))
-    some = replace(telemetry, poses=telemetry.poses.take(index), prior=prior)
-    return replace(posed, telemetry=some, frames=frames)
+    telemetry = replace(telemetry, poses=telemetry.poses.take(index), prior=prior)
+    return replace(posed, telemetry=telemetry, frames=frames)
 
 
 def _add_lengths(

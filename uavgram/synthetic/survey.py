@@ -425,28 +425,18 @@ class ScenarioWorld:
 
     def draw(self, number: int) -> DrawnSurvey:
         """Return one repetition; the same number gives the same one."""
-        survey = simulate(self.scenario, self.calibration, repetition=number)
-        truth = survey.truth
-        return DrawnSurvey(
-            make_inputs(survey),
-            None,
-            truth.measurement_name,
-            truth.measurement_unit,
-            truth.measurement_value,
-        )
+        return _draw(simulate(self.scenario, self.calibration, repetition=number))
 
     def exact(self) -> DrawnSurvey:
         """Return the survey without any error, with its sigmas as stated."""
-        survey = simulate(self.scenario, self.calibration, exact=True)
-        truth = survey.truth
-        return DrawnSurvey(
-            make_inputs(survey, noise="stated"),
-            None,
-            truth.measurement_name,
-            truth.measurement_unit,
-            truth.measurement_value,
-        )
+        return _draw(simulate(self.scenario, self.calibration, exact=True), noise="stated")
 
     def get_name_and_seed(self) -> tuple[str, int]:
         """Return name and seed."""
         return self.scenario.name, self.scenario.seed
+
+
+def _draw(survey: SimulatedSurvey, noise: str | None = None) -> DrawnSurvey:
+    truth = survey.truth
+    names = truth.measurement_name, truth.measurement_unit
+    return DrawnSurvey(make_inputs(survey, noise=noise), None, *names, truth.measurement_value)

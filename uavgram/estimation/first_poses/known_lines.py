@@ -12,6 +12,7 @@ from uavgram.estimation.first_poses.resection import LineRows, move_poses
 from uavgram.estimation.solver.batched import ExplicitProblem, Minima, minimise_each
 from uavgram.geometry.camera.projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import factor_homographies
+from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import CandidatePoses
 from uavgram.model.survey import Survey
@@ -289,24 +290,11 @@ def make_rotations() -> Floats:
     for tilt in np.deg2rad(TILTS_DEG):
         count = max(1, int(np.ceil(np.sin(tilt) * 2 * np.pi / np.deg2rad(STEP_DEG))))
         azimuth = 2.0 * np.pi * np.arange(count) / count
-        about_up, about_axis = np.meshgrid(azimuth, roll, indexing="ij")
-        looking = (
-            _rotate_about_z(about_up.ravel())
-            @ _make_tilted_rotation(float(tilt))
-            @ _rotate_about_z(about_axis.ravel())
+        about_up, about_axis = (
+            exp_so3(angle.reshape(-1, 1) * [0.0, 0.0, 1.0])
+            for angle in np.meshgrid(azimuth, roll, indexing="ij")
         )
-        found.append(looking)
+        # Looking down with image up to the north, then tilted towards the north.
+        tilted = exp_so3(np.array([tilt, 0.0, 0.0])) @ np.diag([1.0, -1.0, -1.0])
+        found.append(about_up @ tilted @ about_axis)
     return np.concatenate(found)
-
-
-def _rotate_about_z(angle: Floats) -> Floats:
-    turn = np.zeros((len(angle), 3, 3))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
-    turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
-    return turn
-
-
-def _make_tilted_rotation(tilt: float) -> Floats:
-    """Return the rotation of a camera that looks north and down, `tilt` from the nadir."""
-    sine, cosine = np.sin(tilt), np.cos(tilt)
-    return np.array([[1.0, 0.0, 0.0], [0.0, -cosine, sine], [0.0, -sine, -cosine]])
