@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.repeated.accuracy import compute_accuracy, compute_running_ratio
-from uavgram.io.json_codec import Record, encode
+from uavgram.io.json_codec import Record, encode, records
 from uavgram.io.outputs import stage_output
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
@@ -64,7 +64,7 @@ def simulation_as_json(simulation: Simulation) -> Record:
             {"repetitions": count, "spread_over_predicted": encode(ratio)}
             for count, ratio in simulation.running
         ],
-        "drawn_unlike_stated": [encode(one) for one in simulation.unlike],
+        "drawn_unlike_stated": encode(simulation.unlike),
         "amiss": list(simulation.deviations),
         "variants": [
             {"name": one.name, **_summary(one.repetitions, one.accuracy)}
@@ -72,46 +72,37 @@ def simulation_as_json(simulation: Simulation) -> Record:
         ],
         "draws": {
             "names": list(found.name),
-            "number": encode(found.number),
-            "true": encode(found.true),
-            "value": encode(found.value),
-            "sigma": encode(found.sigma),
-            "converged": encode(found.converged),
-            "level": list(found.level),
-            "failure": list(found.failure),
-            "codes": encode(found.codes),
+            **{key: encode(getattr(found, key)) for key in DRAWN},
         },
     }
 
 
+DRAWN = ("number", "true", "value", "sigma", "converged", "level", "failure", "codes")
+"""Columns of the repetitions that are written."""
+
+
 def _summary(found: Repetitions, accuracy: Accuracy) -> Record:
     verdicts = Counter(level for level in found.level if level is not None)
+    shares = zip(accuracy.coverage, accuracy.coverage_range, strict=True)
     return {
         "repetitions": len(found.number),
         "failed": found.failed,
         "not_converged": found.unsettled,
         "verdicts": {level: verdicts.get(level, 0) for level in ("green", "amber", "red")},
-        "measurements": [_measurement(found, accuracy, i) for i in range(len(found.name))],
-    }
-
-
-def _measurement(found: Repetitions, accuracy: Accuracy, i: int) -> Record:
-    return {
-        "name": found.name[i],
-        "unit": found.unit[i],
-        "count": int(accuracy.count[i]),
-        "predicted_sigma": encode(found.predicted[i]),
-        "stated_sigma": encode(accuracy.stated[i]),
-        "bias": {"value": encode(accuracy.bias[i]), "range": encode(accuracy.bias_range[i])},
-        "spread": {"value": encode(accuracy.spread[i]), "range": encode(accuracy.spread_range[i])},
-        "z": {"value": encode(accuracy.z[i]), "range": encode(accuracy.z_range[i])},
-        "coverage": {
-            share: {
-                "value": encode(accuracy.coverage[i, k]),
-                "range": encode(accuracy.coverage_range[i, k]),
-            }
-            for k, share in enumerate(SHARES)
-        },
+        "measurements": records(
+            name=found.name,
+            unit=found.unit,
+            count=accuracy.count,
+            predicted_sigma=found.predicted,
+            stated_sigma=accuracy.stated,
+            bias=records(value=accuracy.bias, range=accuracy.bias_range),
+            spread=records(value=accuracy.spread, range=accuracy.spread_range),
+            z=records(value=accuracy.z, range=accuracy.z_range),
+            coverage=[
+                dict(zip(SHARES, records(value=share, range=ends), strict=True))
+                for share, ends in shares
+            ],
+        ),
     }
 
 
