@@ -212,7 +212,7 @@ def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT0
             ground=np.array([[survey.ground.height_m, 0.0, 0.0]]),
             center=survey.seeds.center_world_m[:1],
             rotation=survey.seeds.world_from_camera[:1],
-            information=np.linalg.inv(survey.telemetry.covariance[:1]),
+            information=np.asarray(np.linalg.inv(survey.telemetry.covariance[:1]), np.float64),
             line=np.column_stack([survey.line_start, survey.line_end])[None],
             toward=np.zeros((1, 0, 2)),
             placed=np.zeros((1, 0), np.int64),

@@ -65,9 +65,9 @@ class SharedErrors(NamedTuple):
         return slice(self.camera.stop, self.camera.stop + self.ground_root.shape[1])
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """Number of errors."""
-        return self.ground.stop + bool(self.tape_scale_sigma)
+        return int(self.ground.stop) + bool(self.tape_scale_sigma)
 
 
 class Photos(NamedTuple):
@@ -106,11 +106,11 @@ class Photos(NamedTuple):
 
     def take(self, rows: Ints | slice) -> Photos:
         """Return some of the photos."""
-        return Photos(*(column[rows] for column in self))
+        return Photos._make(column[rows] for column in self)
 
     def repeat(self, count: int) -> Photos:
         """Return a single photo `count` times."""
-        return Photos(*(np.broadcast_to(one[0], (count, *one.shape[1:])) for one in self))
+        return Photos._make(np.broadcast_to(one[0], (count, *one.shape[1:])) for one in self)
 
 
 class State(NamedTuple):
@@ -240,7 +240,7 @@ class PhotoProblem:
         )
         # Rise of the ground under the points by its errors, at fixed places.
         rise = shared.ground_root[0] + state.place @ shared.ground_root[1:]
-        shift = np.zeros((*seen.shape[:2], 2, POSE.stop + shared.count))
+        shift = np.zeros((*seen.shape[:2], 2, POSE.stop + shared.size))
         shift[..., :3] = -by_world
         shift[..., 3:6] = (_flat(by_turn) @ by_vector).reshape(by_turn.shape)
         by_common = shift[..., POSE.stop :]  # a view

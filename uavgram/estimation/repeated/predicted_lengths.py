@@ -240,5 +240,5 @@ def compute_slopes(shared: SharedErrors, exact: Photos, pairs: Ints) -> LengthSl
 def _linearise(shared: SharedErrors, exact: Photos) -> PhotoRows:
     """Linearise photos without errors at their poses, and at the places of their picks."""
     place = intersect_ground(shared.calibration, exact, (exact.center, exact.rotation))
-    none = np.zeros_like(exact.center), place, np.zeros((len(place), shared.count))
+    none = np.zeros_like(exact.center), place, np.zeros((len(place), shared.size))
     return PhotoProblem(shared, exact).compute_rows(exact, State(exact.center, *none))

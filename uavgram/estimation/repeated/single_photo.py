@@ -88,7 +88,7 @@ def adjust_photos(
         center,
         log_so3(photos.rotation.swapaxes(1, 2) @ rotation),
         intersect_ground(shared.calibration, photos, (center, rotation)),
-        np.zeros((len(center), shared.count)),
+        np.zeros((len(center), shared.size)),
     )
     found = []
     for begin in range(0, len(center), BLOCK_SIZE):
