@@ -159,7 +159,7 @@ class PhotoProblem:
 
     def _part(self, which: Ints) -> Photos:
         """Return some of the photos; copied only if others are requested than before."""
-        if len(which) != len(self._some[0]):
+        if not np.array_equal(which, self._some[0]):
             self._some = which, self.photos.take(which)
         return self._some[1]
 

@@ -122,6 +122,7 @@ def intersect_ground(camera: Calibration, photos: Photos, poses: tuple[Floats, F
     return np.asarray(center[:, None, :2] + along[..., None] * ray[..., :2])
 
 
+@np.errstate(invalid="ignore", over="ignore")  # some photos may get lost
 def _adjust_block(
     shared: SharedErrors, photos: Photos, first: State, undamped: int, settled: float
 ) -> PhotoPoses:
