@@ -141,8 +141,11 @@ class _FittedModel(NamedTuple):
         log_sigma
             (C,) standard deviations of the logarithms.
         """
-        stated = [one.block == "roughness" and one.weight > 0 for one in self.model.components]
-        return np.asarray(self.factor * np.exp(np.where(stated, log_sigma, 0.0) ** 2))
+        rough = [one.weight if one.block == "roughness" else 0.0 for one in self.model.components]
+        weight = np.array(rough)
+        # No logarithm is less certain than by its prior, with the variance 1 / (2 weight).
+        variance = np.minimum(log_sigma**2, 0.5 / np.where(weight > 0, weight, 1.0))
+        return np.asarray(self.factor * np.exp(np.where(weight > 0, variance, 0.0)))
 
     @property
     def log_likelihood(self) -> float:
