@@ -30,7 +30,14 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
-from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.adjustment import (
+    Adjustment,
+    Explanation,
+    LeftOut,
+    LeftOutCause,
+    Refined,
+    explain,
+)
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
 from uavgram.estimation.survey.selection import (
@@ -1119,7 +1126,7 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
     (robust, _), *others = pairs
     # Record lengths and clicks that rival explanations leave out, and their adjustments.
     refined, rivals = robust.refined, set[str]()
-    clicks: dict[str, Adjustment] = {}
+    clicks: dict[str, Explanation] = {}
     minima = [*refined.alternatives]
     for rival, _ in others:
         other = rival.refined
@@ -1127,7 +1134,7 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
         rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
         picks = sorted(_list_gross_picks(other) - _list_gross_picks(refined))
         named = (robust.survey.label[robust.survey.pick_label[k]] for k in picks)
-        clicks |= dict.fromkeys(named, other.adjustment)
+        clicks |= dict.fromkeys(named, explain(refined.adjustment, other.adjustment))
         same = other.adjustment.survey.label == refined.adjustment.survey.label
         if len(lines) and same:
             minima.append(other.adjustment)
