@@ -21,7 +21,7 @@ from uavgram.model.result.reliability import (
 )
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.noise import report_noise
+from uavgram.stages.refine.noise import STATED_ROUGHNESS_WEIGHT, report_noise
 
 SCENE: dict[str, Any] = {"frames": 6, "labels": 24, "lines": 6}
 
@@ -114,6 +114,15 @@ def test_sigmas_of_a_single_photo_never_shrink() -> None:
 
     assert picks.factor == 1.0
     assert ground.shape == "plane"
+
+
+def test_roughness_that_a_single_photo_hardly_shows_counts_as_its_mean_variance() -> None:
+    few = make_scene(1, frames=1, roughness=0.02, lines=6).survey
+    _, ground = learnt(refined_of(few))
+    log_sigma = 1.0 / np.sqrt(2.0 * STATED_ROUGHNESS_WEIGHT)
+    drawn_m = 0.02 * np.exp(np.random.default_rng(1).normal(0.0, log_sigma, 200_000))
+
+    assert ground.estimated_m == pytest.approx(np.sqrt(np.mean(drawn_m**2)), rel=0.15)
 
 
 def test_one_wrong_pick_is_no_noise() -> None:

@@ -397,15 +397,15 @@ class Refined:
     stated
         Same survey adjusted with the stated sigmas, if that is another adjustment.
     compared
-        Adjustment with the sigmas of `alternatives` and `rival_clicks`, with which these are
-        compared; None: `adjustment`.
+        Adjustment with the sigmas of `alternatives`, with which these are compared; None:
+        `adjustment`.
     off_ground
         Names of the labels whose heights are estimated, although they were not stated to be off the
         ground.
     rival_lines
         Names of lengths that explain the misfit as well as one that was left out.
     rival_clicks
-        Adjustments without one click, by its label, that explain the misfit as well.
+        Adjustments that explain the misfit as well, by the label of a click that they leave out.
     causes
         Explanations of the misfits, likeliest first.
     possible
@@ -434,7 +434,7 @@ class Refined:
     compared: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     rival_lines: frozenset[str] = frozenset()
-    rival_clicks: Mapping[str, Adjustment] = field(default_factory=dict)
+    rival_clicks: Mapping[str, Explanation] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
     possible: tuple[Message, ...] = ()
     explanations: tuple[tuple[Explanation, ...], ...] = ()
@@ -456,8 +456,10 @@ class Refined:
 
         The question which minimum is right is independent of the question which mistake was made.
         """
-        rivals = (*self.alternatives, *self.rival_clicks.values())
-        minima = tuple(explain(self.compared or self.adjustment, one) for one in rivals)
+        here = self.compared or self.adjustment
+        # One that leaves out several clicks counts once.
+        clicks = {id(one): one for one in self.rival_clicks.values()}
+        minima = (*(explain(here, one) for one in self.alternatives), *clicks.values())
         return tuple(
             (one.adjustment, float(probability))
             for group in (minima, *self.explanations)

@@ -30,7 +30,14 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
-from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.adjustment import (
+    Adjustment,
+    Explanation,
+    LeftOut,
+    LeftOutCause,
+    Refined,
+    explain,
+)
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
 from uavgram.estimation.survey.selection import (
@@ -440,11 +447,26 @@ class Candidate:
         return sum(len(self.annealed.gross(name)) for name in READINGS if name != "pixels")
 
     def has_scale(self) -> bool:
-        """Return whether a log takes part, or one of the lengths, known things and control."""
-        survey, misfit = self.annealed.problem.survey, self.annealed.misfit
+        """Return whether one of the lengths, known things and control takes part, or the log fits.
+
+        A log that is given up, or strained, does not determine the size of the scene alone.
+        """
+        misfit = self.annealed.misfit
         references = [name for name in READINGS if name != "pixels" and name in misfit]
         is_left = (len(self.annealed.gross(name)) < len(misfit[name]) for name in references)
-        return survey.telemetry is not None or not references or any(is_left)
+        return not references or any(is_left) or self._fits_log()
+
+    def _fits_log(self) -> bool:
+        """Return whether most poses of the log fit at their stated sigmas."""
+        prior, problem = self.annealed.problem.survey.telemetry, self.annealed.problem
+        if prior is None:
+            return False
+        blocks = problem.evaluate(self.annealed.minimum.state)
+        assert blocks is not None  # noqa: S101  (the iterations ended there)
+        fits = np.linalg.norm(blocks["telemetry"].residual, axis=1) <= GROSS_SIGMAS
+        names = (problem.survey.frame_id[k] for k in prior.frame_index.tolist())
+        stated = np.array([name not in self.taking.pose_widened for name in names])
+        return bool(2 * (fits & stated).sum() > len(fits))
 
     def gives_up_log(self) -> bool:
         """Return whether half of the log's poses, or more, are gross errors."""
@@ -583,7 +605,7 @@ def _try_without_suspects(taking: Participants, found: Sequence[Candidate]) -> I
 
 
 def _try_without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Adjust robustly without one photo, or without its wrong picks, until the rest fits.
+    """Adjust robustly without one photo until the rest fits, or with those of its picks that agree.
 
     Where either of two photos fits alone, nothing shows which of them is wrong.
 
@@ -602,8 +624,8 @@ def _try_without_photos(taking: Participants, found: Sequence[Candidate]) -> Ite
     fitting = (one for one in each if one.explains() and one.leaves_no_other())
     best = _better_of_two(taking, fitting) if len(photos) == 2 else list(islice(fitting, 1))
     for candidate in best:
-        yield from _try_without_wrong_picks(taking, candidate)
-    yield from best
+        # A photo whose picks mostly agree shows this place, also where that is no better.
+        yield from list(_try_without_wrong_picks(taking, candidate)) or [candidate]
 
 
 def _adjust_from_rest(rest: Participants) -> Iterator[Candidate]:
@@ -1119,7 +1141,7 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
     (robust, _), *others = pairs
     # Record lengths and clicks that rival explanations leave out, and their adjustments.
     refined, rivals = robust.refined, set[str]()
-    clicks: dict[str, Adjustment] = {}
+    clicks: dict[str, Explanation] = {}
     minima = [*refined.alternatives]
     for rival, _ in others:
         other = rival.refined
@@ -1127,7 +1149,7 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
         rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
         picks = sorted(_list_gross_picks(other) - _list_gross_picks(refined))
         named = (robust.survey.label[robust.survey.pick_label[k]] for k in picks)
-        clicks |= dict.fromkeys(named, other.adjustment)
+        clicks |= dict.fromkeys(named, explain(refined.adjustment, other.adjustment))
         same = other.adjustment.survey.label == refined.adjustment.survey.label
         if len(lines) and same:
             minima.append(other.adjustment)

@@ -42,8 +42,8 @@ from uavgram.stages.refine.readjustment import convert_state, find_used_lines, r
 STATED_WEIGHT = 20.0
 """Weight of the stated sigma of picks, as a number of residuals."""
 
-STATED_ROUGHNESS_WEIGHT = 2.0
-"""Weight of a stated roughness, which is thus known to within a factor of 1.6: mostly it is the
+STATED_ROUGHNESS_WEIGHT = 1.5
+"""Weight of a stated roughness, which is thus known to within a factor of 1.8: mostly it is the
 default. A ground that is stated to be a plane has no such prior."""
 
 STATED_IDENTIFICATION_WEIGHT = 5.0
@@ -129,6 +129,24 @@ class _FittedModel(NamedTuple):
     log_sigmas: Callable[[], Floats]
     merit: float
 
+    def average(self, log_sigma: Floats) -> Floats:
+        """Return the factors (C,), that of a stated roughness as the mean of its variance.
+
+        Few photos hardly show the roughness: what it may be then counts, and not its likeliest
+        size. Of a logarithm with standard deviation s, the root mean square of the factor is
+        exp(s^2) times the likeliest one (log-normal distribution).
+
+        Parameters
+        ----------
+        log_sigma
+            (C,) standard deviations of the logarithms.
+        """
+        rough = [one.weight if one.block == "roughness" else 0.0 for one in self.model.components]
+        weight = np.array(rough)
+        # No logarithm is less certain than by its prior, with the variance 1 / (2 weight).
+        variance = np.minimum(log_sigma**2, 0.5 / np.where(weight > 0, weight, 1.0))
+        return np.asarray(self.factor * np.exp(np.where(weight > 0, variance, 0.0)))
+
     @property
     def log_likelihood(self) -> float:
         """Log-likelihood without the penalty of the model."""
@@ -175,21 +193,23 @@ def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     tried = [estimated(model, stated, None) for model in models]
     fitted = max(tried, key=lambda one: one.merit)
     chance = _chance_of_unevenness(fitted, tried)
-    if fitted.model.shape is None and np.abs(np.log(fitted.factor)).max() < MIN_SIGMA_CHANGE:
-        return survey, replace(
-            refined, noise=_describe_noise(fitted, stated, stated.survey, chance)
-        )
+    model, log_sigma, factor = fitted.model, fitted.log_sigmas(), fitted.factor
+    used = fitted.average(log_sigma)
+    if model.shape is None and np.abs(np.log(used)).max() < MIN_SIGMA_CHANGE:
+        noise = _describe_noise(model, used, log_sigma, stated, stated.survey, chance)
+        return survey, replace(refined, noise=noise)
     adjustment = stated
     # Alternate readjustment and estimation until the factors are stable.
     for _ in range(MAX_PASSES):
-        used = fitted
-        adjustment = readjust(adjustment, _apply_noise(used, stated.survey))
-        fitted = estimated(used.model, adjustment, used.factor)
-        if np.abs(np.log(fitted.factor / used.factor)).max() < MIN_SIGMA_CHANGE:
+        used = fitted.average(log_sigma)
+        adjustment = readjust(adjustment, _apply_noise(model, used, stated.survey))
+        fitted, before = estimated(model, adjustment, factor), factor
+        factor = fitted.factor
+        if np.abs(np.log(factor / before)).max() < MIN_SIGMA_CHANGE:
             break
     # Report the sigmas with which the result was adjusted.
-    noise = _describe_noise(used, adjustment, stated.survey, chance)
-    return _apply_noise(used, survey), replace(
+    noise = _describe_noise(model, used, log_sigma, adjustment, stated.survey, chance)
+    return _apply_noise(model, used, survey), replace(
         refined, adjustment=adjustment, noise=noise, stated=stated, compared=stated
     )
 
@@ -383,13 +403,10 @@ def _lower_weight(block: Block, few: NoiseOutliers) -> Block:
     return Block(residual, block.columns, block.jacobian * weight[:, None, None])
 
 
-def _apply_noise(fitted: _FittedModel, survey: Survey) -> Survey:
-    """Return the survey with learnt sigmas and ground; `survey` has the stated ones."""
-    factor = fitted.factor
-    grounds = list(fitted.model.problem.survey.grounds)
-    for one, area, scale in zip(
-        fitted.model.components, fitted.model.areas, factor.tolist(), strict=True
-    ):
+def _apply_noise(model: _Model, factor: Floats, survey: Survey) -> Survey:
+    """Return the survey, which has the stated sigmas, with sigmas and ground by factors (C,)."""
+    grounds = list(model.problem.survey.grounds)
+    for one, area, scale in zip(model.components, model.areas, factor.tolist(), strict=True):
         if one.block == "roughness":
             size = scale * grounds[area].roughness_sigma_m
             is_stated = survey.grounds[area].roughness_sigma_m > 0
@@ -401,7 +418,7 @@ def _apply_noise(fitted: _FittedModel, survey: Survey) -> Survey:
             grounds[area] = replace(grounds[area], relief=own)
     sigma = np.array(survey.pick_sigma_px)
     length_m, beside_m = np.array(survey.length_sigma_m), survey.identification_sigma_m
-    for area, scale in zip(fitted.model.areas, factor.tolist(), strict=True):
+    for area, scale in zip(model.areas, factor.tolist(), strict=True):
         if area in (PICKS_CODE, TARGETS_CODE):
             sigma[survey.pick_is_target == (area == TARGETS_CODE)] *= scale
         if area == LENGTHS_CODE:
@@ -427,14 +444,21 @@ def _chance_of_unevenness(fitted: _FittedModel, tried: Sequence[_FittedModel]) -
 
 
 def _describe_noise(
-    fitted: _FittedModel, adjustment: Adjustment, stated: Survey, chance: float
+    model: _Model,
+    factor: Floats,
+    log_sigma: Floats,
+    adjustment: Adjustment,
+    stated: Survey,
+    chance: float,
 ) -> Noise:
     """Describe the learnt noise for the report.
 
     Parameters
     ----------
-    fitted
-        The factors of the sigmas.
+    model
+        The components.
+    factor, log_sigma
+        (C,) factors of their sigmas, and standard deviations of the logarithms.
     adjustment
         The adjustment with them.
     stated
@@ -443,12 +467,12 @@ def _describe_noise(
         Probability of such uneven ground by chance.
     """
     # Sigmas of the factors are relative.
-    factor, sigma = fitted.factor, fitted.factor * fitted.log_sigmas()
-    components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
+    sigma = factor * log_sigma
+    components = zip(model.components, model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}
-    units = fitted.model.problem.survey.grounds
+    units = model.problem.survey.grounds
     picks, others = [], {}
-    for k, area in enumerate(fitted.model.areas):
+    for k, area in enumerate(model.areas):
         if area in (IDENTIFICATION_CODE, LENGTHS_CODE):
             own = stated.length_sigma_m[_is_taped(stated)]
             own = stated.identification_sigma_m if area == IDENTIFICATION_CODE else own
@@ -476,7 +500,7 @@ def _describe_noise(
             relief_m=adjustment.relief_m(area),
             probability=chance,
         )
-        for area, ground in enumerate(_apply_noise(fitted, stated).grounds)
+        for area, ground in enumerate(_apply_noise(model, factor, stated).grounds)
     ]
     return Noise(
         picks=tuple(picks),

@@ -381,8 +381,10 @@ def _find_likeliest(
         if one.after is not None and not needs_cause(one.after):
             return _choose_with_rivals(one, trials)  # it explains all, without more noise
         noisy = noisy or explain_by_noise(diagnosis)
-        if noisy is diagnosis or try_hypothesis(noisy, one).odds > SURE_LOG_ODDS:
+        odds = np.inf if noisy is diagnosis else try_hypothesis(noisy, one).odds
+        if odds > SURE_LOG_ODDS:
             return _choose_with_rivals(one, trials)
+        trials[trials.index(one)] = replace(one, odds=odds)  # noise explains about as much
     possible = (
         one
         for one in trials
