@@ -77,6 +77,12 @@ def test_the_photo_of_nonsense_is_left_out_by_name(faulty: Faulty) -> None:
     result, nonsense, *_ = faulty
     (text,) = texts_of(result, "frame-left-out")
     assert repr(nonsense) in text
+    status = dict(zip(result.frames.frame_id, result.frames.status, strict=True))
+    assert [name for name, state in status.items() if state == "rejected"] == [nonsense]
+    assert list(status.values()).count("refined") == FRAMES - 1
+    reasons = dict(zip(result.frames.frame_id, result.frames.reason, strict=True))
+    # With a log its picks have places, which nothing else shares.
+    assert "labels in disorder" in reasons[nonsense]
     (cause,) = [m for m in result.messages if m.code == "photo-elsewhere"]
     assert (cause.level, cause.frames) == ("warning", (nonsense,))
 
@@ -92,9 +98,6 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: F
     for label in labels:
         assert f"{label!r} in {swapped!r}" in said.text
     assert "it fits under another label of its photo" in said.text
-    assert dict(zip(result.frames.frame_id, result.frames.status, strict=True))[swapped] == (
-        "refined"
-    )
 
 
 def test_the_misread_tape_is_the_one_that_is_left_out(faulty: Faulty) -> None:
@@ -111,4 +114,4 @@ def test_the_misread_tape_is_the_one_that_is_left_out(faulty: Faulty) -> None:
 def test_the_rest_comes_to_rest(faulty: Faulty) -> None:
     result, *_ = faulty
     assert result.solution.converged
-    assert result.frames.status.count("rejected") == 1
+    assert result.solution.chi2_probability > 1e-3

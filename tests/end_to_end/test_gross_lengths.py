@@ -78,20 +78,6 @@ def test_a_length_in_millimetres_is_the_only_thing_named(solve: Solve) -> None:
     assert f"The {removal.what} seems to be" in text
 
 
-def test_all_lengths_in_feet_are_told_in_one_message(solve: Solve) -> None:
-    def feet(metres: float) -> float:
-        return metres / 0.3048
-
-    result = solve(L1=feet, L2=feet, L3=feet, L4=feet, L5=feet)
-    ((code, text),) = warned(result)
-    assert code == "lengths-wrong-unit"
-    assert text.startswith("All lengths seem to be in feet, not in metres: write them in metres.")
-    (lengths,) = [m.lengths for m in result.messages if m.code == code]
-    assert lengths == ("L1", "L2", "L3", "L4", "L5")
-    assert result.verdict.reasons[0].cause == code
-    assert as_it_should_be(result, solve())
-
-
 def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(
     solve: Solve,
 ) -> None:
