@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import pytest
+from csv_rows import read_rows, write_rows
 from flight_projects import copy_project
 from small_projects import write_small_survey
 
@@ -34,15 +34,11 @@ def solve(folder: Path, tmp_path: Path) -> Solve:
 
     def run(table: str = "lines", column: str = "length_m", **cells: Change) -> Result:
         changed = tmp_path / f"{table}.csv"
-        with (folder / f"{table}.csv").open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = read_rows(folder / f"{table}.csv")
         for row in rows:
             change = cells.get(row["name"] if "name" in row else row["label"])
             row[column] = row[column] if change is None else repr(change(float(row[column])))
-        with changed.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
+        write_rows(changed, rows)
         path = copy_project(folder, tmp_path / "copy", **{table: str(changed)})
         return compute(read_inputs(path), curved=False).result
 

@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
+from csv_rows import read_rows, write_rows
 from flight_projects import copy_project
 
 import uavgram
-
-
-def rows_of(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def write(path: Path, rows: list[dict[str, str]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def test_labels_swapped_in_a_photo_are_no_heights_of_many_points(
@@ -27,11 +15,11 @@ def test_labels_swapped_in_a_photo_are_no_heights_of_many_points(
 ) -> None:
     """Free heights of nine points explain 99 % of what two swapped labels do here, and not all."""
     source, other = data_dir / "wind_oblique", {"P7": "R7", "R7": "P7"}
-    rows = rows_of(source / "picks.csv")
+    rows = read_rows(source / "picks.csv")
     for row in rows:
         if row["image"] == "IMG_0033.jpg":
             row["label"] = other.get(row["label"], row["label"])
-    write(tmp_path / "picks.csv", rows)
+    write_rows(tmp_path / "picks.csv", rows)
     result = uavgram.run(copy_project(source, tmp_path, picks="picks.csv"), output=None)
 
     first = result.verdict.reasons[0]
