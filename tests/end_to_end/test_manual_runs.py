@@ -62,8 +62,8 @@ def test_the_commands_of_the_manual_run_and_call_nobody(
         folder = prepare(PAGES[name], demo, repository, tmp_path / name)
         for line in "".join(PAGES[name].run("sh")).splitlines():
             command, _, file = line.partition(" > ")
-            program, *arguments = shlex.split(command, comments=True)
-            assert program == "uavgram", line
+            name_of_program, *arguments = shlex.split(command, comments=True)
+            assert name_of_program == "uavgram", line
             calls.append((str(folder), arguments, file))
     (tmp_path / "gcp_list.txt").write_text("EPSG:25832\n565000 5330000 520 10.25 20.5 a.jpg A\n")
     board = [str(data_dir / "opencv_chess" / f"left{k:02}.jpg") for k in range(1, 6)]
