@@ -1,7 +1,8 @@
 """Make the pictures of README and manual from the demo: `python .readme/pictures.py DEMO [FOLDER]`.
 
-DEMO is what `uavgram demo` wrote. Its results are not changed. A test makes all of them anew and
-compares. Needs Chromium, and tests/support for the picking page.
+DEMO is what `uavgram demo` wrote, and is not changed; a plan that is in its results is not drawn
+again. A test makes all pictures anew and compares. Needs Chromium, and tests/support for the
+picking page.
 """
 
 from __future__ import annotations
@@ -44,9 +45,10 @@ def make(demo: Path, folder: Path) -> None:
     with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
         work = Path(name)
         survey = work / "crossing"
-        shutil.copytree(demo, survey, ignore=shutil.ignore_patterns("out"))
+        shutil.copytree(demo, survey)
         project = survey / "project.yaml"
-        _run("run", project, "--plan", "a4", "--quiet")
+        if not (survey / "out" / "plan.png").is_file():
+            _run("run", project, "--plan", "a4", "--quiet")
         _plan(survey / "out" / "plan.png", folder / "plan.jpg")
         _run("log", survey / "flight.tlog", "--plot", work / "log.png")
         log = _opened(work / "log.png")

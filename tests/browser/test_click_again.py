@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from csv_rows import read_rows
 from large_photos import write_large_project
 from opened_pages import PageOpener
 from picking_pages import eventually, place, to_page, wait_until_adjusted
@@ -61,8 +61,7 @@ def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
         expect(page.locator('.mark[data-label="New"]')).to_be_visible()
 
         def rows() -> list[tuple[str, float, float]]:
-            with (tmp_path / "picks.csv").open(encoding="utf-8", newline="") as file:
-                found = [row for row in csv.DictReader(file) if row["label"] in PLACES]
+            found = [row for row in read_rows(tmp_path / "picks.csv") if row["label"] in PLACES]
             return [(row["label"], float(row["u_px"]), float(row["v_px"])) for row in found]
 
         eventually(page, lambda: len(rows()) == 4)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from csv_rows import read_rows, write_rows
 from small_projects import Command, Project
 
 import uavgram
@@ -67,7 +67,7 @@ def test_a_copied_photo_with_the_picks_of_its_original(
 
 def picked_in_a_copy(project: Project, of: int, picked_as: int) -> tuple[str, str]:
     """Copy a photo, and click in the copy on the places of a photo's picks, with own errors."""
-    rows = list(csv.DictReader((project / "picks.csv").read_text().splitlines()))
+    rows = read_rows(project / "picks.csv")
     names = sorted({row["image"] for row in rows})
     copy = "zz_copy.jpg"
     shutil.copy(project / "photos" / names[of], project / "photos" / copy)
@@ -75,10 +75,7 @@ def picked_in_a_copy(project: Project, of: int, picked_as: int) -> tuple[str, st
     for row in [row for row in rows if row["image"] == names[picked_as]]:
         place = {key: f"{float(row[key]) + draw.normal(0, 0.7):.3f}" for key in ("u_px", "v_px")}
         rows.append(row | place | {"image": copy})
-    with (project / "picks.csv").open("w", newline="") as file:
-        table = csv.DictWriter(file, rows[0])
-        table.writeheader()
-        table.writerows(rows)
+    write_rows((project / "picks.csv"), rows)
     return names[of], copy
 
 
@@ -187,18 +184,14 @@ FULL_FRAMES = 6
 
 
 def test_many_frames_and_many_measurements_are_one_message_each(project: Project) -> None:
-    with (project / "picks.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_rows(project / "picks.csv")
     names = sorted({row["image"] for row in rows})
     poor = names[FULL_FRAMES:]  # without a log, a single pick places no frame
     first = {row["image"]: row for row in reversed(rows)}
     kept = [row for row in rows if row["image"] not in poor] + [first[name] for name in poor]
     for row in kept:
         row["sigma_px"] = "5"
-    with (project / "picks.csv").open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(kept)
+    write_rows((project / "picks.csv"), kept)
     requests = [f"place of P{k},coordinate,P{k}," for k in range(1, 14)]
     (project / "measure.csv").write_text("name,kind,points,parameters\n" + "\n".join(requests))
     project.set(log=None, time=None, mount=None)

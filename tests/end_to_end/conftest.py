@@ -5,11 +5,16 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from flight_projects import Demo, RunFlight, Truth, copy_project
+from flight_projects import Demo, RunFlight, Truth, Tutorial, copy_project
+from manual_pages import manual_pages
+from traced_programs import traced
 
 import uavgram
 from uavgram.cli import main
@@ -50,6 +55,34 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
         out=folder / "out",
         truth=json.loads((folder / "truth.json").read_text(encoding="utf-8")),
     )
+
+
+@pytest.fixture(scope="session")
+def tutorial(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Tutorial:
+    """What the tutorial's commands leave and show, typed into one shell.
+
+    The program is the wheel, installed beside its dependencies; the clone itself is not in sight.
+    """
+    folder = tmp_path_factory.mktemp("tutorial")
+    wheel = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir"]
+    subprocess.run([*build, wheel, repository], check=True, capture_output=True)
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target"]
+    subprocess.run([*pip, wheel / "site", *wheel.glob("*.whl")], check=True, capture_output=True)
+    (page,) = (page for page in manual_pages() if page.name == "docs/start.md")
+    where = f"{sys.executable} -c 'import uavgram; print(uavgram.__file__)'"
+    environment = {
+        "PATH": os.pathsep.join([str(wheel / "site" / "bin"), os.environ["PATH"]]),
+        "PYTHONPATH": str(wheel / "site"),
+        "OPENBLAS_NUM_THREADS": "1",
+        "COLUMNS": "160",
+    }
+    script = "\n".join([where, *page.run("sh")])
+    with traced(folder, "bash", "-e", "-c", script, **environment) as shell:
+        shown = shell.communicate()[0]
+    assert shell.returncode == 0, shown
+    assert Path(shown.partition("\n")[0]).is_relative_to(wheel)
+    return Tutorial(folder=folder, shown=shown)
 
 
 @pytest.fixture(scope="session")

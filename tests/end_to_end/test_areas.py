@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import pytest
+from csv_rows import read_rows, write_rows
 from flight_projects import Truth, copy_project
 
 import uavgram
@@ -30,15 +30,12 @@ def project(data_dir: Path, tmp_path: Path) -> Write:
     """The calm twin, with some of its points on an area of their own."""
 
     def write(area_of: Callable[[int, str], str], **changes: object) -> Path:
-        with (data_dir / "calm_nadir" / "picks.csv").open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = read_rows(data_dir / "calm_nadir" / "picks.csv")
         path = tmp_path / "picks.csv"
-        with path.open("w", encoding="utf-8", newline="") as file:
-            table = csv.DictWriter(file, [*rows[0], "area"])
-            table.writeheader()
-            table.writerows(
-                row | {"area": area_of(number, row["label"])} for number, row in enumerate(rows)
-            )
+        write_rows(
+            path,
+            [row | {"area": area_of(number, row["label"])} for number, row in enumerate(rows)],
+        )
         changes = {"picks": str(path)} | changes
         return copy_project(data_dir / "calm_nadir", tmp_path, **changes)
 

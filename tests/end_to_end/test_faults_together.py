@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_rows import Row, read_rows, write_rows
 from flight_projects import copy_project
 
 from uavgram.model.arrays import Floats
@@ -15,24 +15,11 @@ from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
-Row = dict[str, str]
 Faulty = tuple[Result, str, str, tuple[str, str], str]
 """A result; its photo of nonsense, that with swapped labels, these, and the misread line."""
 
 FRAMES = 6
 WRONG_M, TAPE_M = 0.6, 0.01
-
-
-def rows_of(path: Path) -> list[Row]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def write(path: Path, rows: list[Row]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def place(row: Row) -> Floats:
@@ -43,7 +30,7 @@ def place(row: Row) -> Floats:
 def faulty(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Faulty:
     """A twin of which one photo shows nonsense, one has two labels swapped, and a tape misread."""
     source, folder = data_dir / "calm_nadir", tmp_path_factory.mktemp("faulty")
-    rows = rows_of(source / "picks.csv")
+    rows = read_rows(source / "picks.csv")
     names, counts = np.unique([row["image"] for row in rows], return_counts=True)
     chosen = names[np.argsort(-counts, kind="stable")[:FRAMES]].tolist()
     rows = [row for row in rows if row["image"] in chosen]
@@ -60,10 +47,10 @@ def faulty(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Faulty:
     other = max(mine, key=lambda row: np.linalg.norm(place(row) - place(one)))
     labels = one["label"], other["label"]
     other["label"], one["label"] = labels
-    lines = rows_of(source / "lines.csv")
+    lines = read_rows(source / "lines.csv")
     lines[0]["length_m"] = f"{float(lines[0]['length_m']) + WRONG_M:.3f}"
-    write(folder / "picks.csv", rows)
-    write(folder / "lines.csv", lines)
+    write_rows(folder / "picks.csv", rows)
+    write_rows(folder / "lines.csv", lines)
     project = copy_project(source, folder, picks="picks.csv", lines="lines.csv")
     result = compute(read_inputs(project), curved=False).result
     return result, nonsense, swapped, labels, lines[0]["name"]
@@ -77,6 +64,12 @@ def test_the_photo_of_nonsense_is_left_out_by_name(faulty: Faulty) -> None:
     result, nonsense, *_ = faulty
     (text,) = texts_of(result, "frame-left-out")
     assert repr(nonsense) in text
+    status = dict(zip(result.frames.frame_id, result.frames.status, strict=True))
+    assert [name for name, state in status.items() if state == "rejected"] == [nonsense]
+    assert list(status.values()).count("refined") == FRAMES - 1
+    reasons = dict(zip(result.frames.frame_id, result.frames.reason, strict=True))
+    # With a log its picks have places, which nothing else shares.
+    assert "labels in disorder" in reasons[nonsense]
     (cause,) = [m for m in result.messages if m.code == "photo-elsewhere"]
     assert (cause.level, cause.frames) == ("warning", (nonsense,))
 
@@ -92,9 +85,6 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: F
     for label in labels:
         assert f"{label!r} in {swapped!r}" in said.text
     assert "it fits under another label of its photo" in said.text
-    assert dict(zip(result.frames.frame_id, result.frames.status, strict=True))[swapped] == (
-        "refined"
-    )
 
 
 def test_the_misread_tape_is_the_one_that_is_left_out(faulty: Faulty) -> None:
@@ -111,4 +101,4 @@ def test_the_misread_tape_is_the_one_that_is_left_out(faulty: Faulty) -> None:
 def test_the_rest_comes_to_rest(faulty: Faulty) -> None:
     result, *_ = faulty
     assert result.solution.converged
-    assert result.frames.status.count("rejected") == 1
+    assert result.solution.chi2_probability > 1e-3

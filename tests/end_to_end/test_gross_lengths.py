@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import pytest
+from csv_rows import read_rows, write_rows
 from flight_projects import copy_project
 from small_projects import write_small_survey
 
@@ -34,15 +34,11 @@ def solve(folder: Path, tmp_path: Path) -> Solve:
 
     def run(table: str = "lines", column: str = "length_m", **cells: Change) -> Result:
         changed = tmp_path / f"{table}.csv"
-        with (folder / f"{table}.csv").open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = read_rows(folder / f"{table}.csv")
         for row in rows:
             change = cells.get(row["name"] if "name" in row else row["label"])
             row[column] = row[column] if change is None else repr(change(float(row[column])))
-        with changed.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
+        write_rows(changed, rows)
         path = copy_project(folder, tmp_path / "copy", **{table: str(changed)})
         return compute(read_inputs(path), curved=False).result
 
@@ -76,20 +72,6 @@ def test_a_length_in_millimetres_is_the_only_thing_named(solve: Solve) -> None:
     (removal,) = result.removals
     assert removal.what.startswith("length 'L2' (")
     assert f"The {removal.what} seems to be" in text
-
-
-def test_all_lengths_in_feet_are_told_in_one_message(solve: Solve) -> None:
-    def feet(metres: float) -> float:
-        return metres / 0.3048
-
-    result = solve(L1=feet, L2=feet, L3=feet, L4=feet, L5=feet)
-    ((code, text),) = warned(result)
-    assert code == "lengths-wrong-unit"
-    assert text.startswith("All lengths seem to be in feet, not in metres: write them in metres.")
-    (lengths,) = [m.lengths for m in result.messages if m.code == code]
-    assert lengths == ("L1", "L2", "L3", "L4", "L5")
-    assert result.verdict.reasons[0].cause == code
-    assert as_it_should_be(result, solve())
 
 
 def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(

@@ -7,11 +7,11 @@ height of the camera is known to metres only; so are the heights that the frames
 
 from __future__ import annotations
 
-import csv
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from csv_rows import read_rows
 from published_scenes import camera_file, narrabeen_targets, write_project
 
 from uavgram.pipeline.match.run import match_picks
@@ -55,8 +55,7 @@ def test_labels_of_one_frame_are_found_in_the_others(data_dir: Path, tmp_path: P
     (tmp_path / "ties.csv").write_text("image,tie,u_px,v_px,sigma_px\n", encoding="utf-8")
     write_ties(project)
     match_picks(project)
-    with (tmp_path / "picks.csv").open(newline="", encoding="utf-8") as file:
-        found = [row for row in csv.DictReader(file) if row["source"] == "match"]
+    found = [row for row in read_rows(tmp_path / "picks.csv") if row["source"] == "match"]
 
     assert {row["image"] for row in found} == set(others)
     assert len(found) == len(others) * len(scene.world)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flight_projects import Demo
+from flight_projects import Tutorial
 from manual_pages import manual_pages
 from PIL import Image
 
@@ -42,12 +42,12 @@ def test_every_picture_of_a_page_is_made() -> None:
     assert len(photos) + len(DRAWINGS) == len({path.name for path in named})
 
 
-def test_the_pictures_are_of_the_program_as_it_is(demo: Demo, tmp_path: Path) -> None:
+def test_the_pictures_are_of_the_program_as_it_is(tutorial: Tutorial, tmp_path: Path) -> None:
     if not Path("/usr/bin/chromium").is_file():
         pytest.skip("no browser at /usr/bin/chromium: apt install chromium")
     # In a process of its own: the browser of other tests has the event loop of this one.
-    made = [sys.executable, str(FOLDER / "pictures.py"), str(demo.folder), str(tmp_path)]
-    subprocess.run(made, check=True, capture_output=True, timeout=300)
+    made = [sys.executable, str(FOLDER / "pictures.py"), str(tutorial.folder / "crossing")]
+    subprocess.run([*made, str(tmp_path)], check=True, capture_output=True, timeout=300)
 
     for kept in sorted(FOLDER.glob("*.jpg")):
         name, new = kept.stem, tmp_path / kept.name

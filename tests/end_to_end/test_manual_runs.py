@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from flight_projects import Demo
+from flight_projects import Demo, Tutorial
 from manual_pages import ManualPage, manual_pages
+from traced_programs import STRACE, strangers, traced
 
-from uavgram.cli import main
+from uavgram.cli.entry import app
 
 TUTORIAL = "docs/start.md"
 PAGES = {page.name: page for page in manual_pages()}
@@ -28,6 +26,7 @@ WITH_PYTHON = [name for name, page in PAGES.items() if page.run("python")]
 def prepare(page: ManualPage, demo: Demo, repository: Path, folder: Path) -> Path:
     """The folder that a page starts in."""
     survey = folder / "survey"
+    folder.mkdir(parents=True, exist_ok=True)
     if page.folder == "demo":
         shutil.copytree(demo.folder, survey, ignore=shutil.ignore_patterns("out"))
     elif page.folder == "configs":
@@ -38,39 +37,53 @@ def prepare(page: ManualPage, demo: Demo, repository: Path, folder: Path) -> Pat
     return survey
 
 
-def typed(blocks: list[str], folder: Path, **environment: str) -> str:
-    """Type blocks of commands into one shell, and return what it shows."""
-    ran = subprocess.run(
-        ["bash", "-e", "-c", "\n".join(blocks)],
-        cwd=folder,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "160", **environment},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stdout
-    return ran.stdout
-
-
 def one_blank(text: str) -> str:
     return re.sub(r"[ \t]+", " ", text)
 
 
-@pytest.mark.parametrize("name", WITH_COMMANDS)
-def test_the_commands_of_a_page_run(
-    name: str, demo: Demo, repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In this process: the tutorial is typed into a shell."""
-    page = PAGES[name]
-    monkeypatch.chdir(prepare(page, demo, repository, tmp_path))
-    for line in "".join(page.run("sh")).splitlines():
-        command, _, file = line.partition(" > ")
-        program, *arguments = shlex.split(command, comments=True)
+RUN = """
+import contextlib, json, os, sys
+from uavgram.cli import main
+for folder, arguments, file in json.loads(sys.argv[1]):
+    os.chdir(folder)
+    with open(file or os.devnull, "w") as stream, contextlib.redirect_stdout(stream):
+        status = main(arguments)
+    if status:
+        sys.exit(f"{arguments}: status {status}")
+"""
 
-        assert program == "uavgram", line
-        with Path(file or os.devnull).open("w") as stream, contextlib.redirect_stdout(stream):
-            assert main(arguments) == 0, line
+
+def test_the_commands_of_the_manual_run_and_call_nobody(
+    demo: Demo, repository: Path, data_dir: Path, tmp_path: Path
+) -> None:
+    """In one process, and those of which the manual has none to run; the tutorial has its own."""
+    calls = []
+    for name in WITH_COMMANDS:
+        folder = prepare(PAGES[name], demo, repository, tmp_path / name)
+        for line in "".join(PAGES[name].run("sh")).splitlines():
+            command, _, file = line.partition(" > ")
+            name_of_program, *arguments = shlex.split(command, comments=True)
+            assert name_of_program == "uavgram", line
+            calls.append((str(folder), arguments, file))
+    (tmp_path / "gcp_list.txt").write_text("EPSG:25832\n565000 5330000 520 10.25 20.5 a.jpg A\n")
+    board = [str(data_dir / "opencv_chess" / f"left{k:02}.jpg") for k in range(1, 6)]
+    others = (
+        ["calibrate", *board, "--board", "chessboard:9x6:25mm", "--coefficients", "3"],
+        ["picks", "import", "gcp_list.txt", "--output", "picks.csv"],
+        ["study", "lengths", "--repetitions", "20", "--workers", "1"],
+        ["shortcut", "--folder", str(tmp_path)],
+    )
+    calls += [(str(tmp_path), arguments, "") for arguments in others]
+    with traced(tmp_path, sys.executable, "-P", "-c", RUN, json.dumps(calls)) as program:
+        said = program.communicate(timeout=300)[0]
+
+    assert program.returncode == 0, said
+    assert strangers(tmp_path) == []
+    typed = re.findall(r"^uavgram (\w+)", "".join(PAGES[TUTORIAL].run("sh")), re.MULTILINE)
+    serving = {"view", "pick"}  # until they are ended: test_no_connection.py
+    assert {arguments[0] for _, arguments, _ in calls} | {*typed} | serving == {
+        name for name in app if not name.startswith("-")
+    }
 
 
 @pytest.mark.parametrize("name", WITH_PYTHON)
@@ -93,35 +106,22 @@ def test_the_python_of_a_page_runs(
     assert names["covariance"].shape == (6, 6)
 
 
-@pytest.fixture(scope="module")
-def installed(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, installed beside its dependencies; the clone itself is not in sight."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir"]
-    subprocess.run([*build, folder, repository], check=True, capture_output=True)
-    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target"]
-    subprocess.run([*pip, folder / "site", *folder.glob("*.whl")], check=True, capture_output=True)
-    return folder / "site"
+def test_the_tutorial_leads_from_nothing_to_a_report(tutorial: Tutorial) -> None:
+    page, shown = PAGES[TUTORIAL], one_blank(tutorial.shown)
 
-
-def test_the_tutorial_leads_from_nothing_to_a_report(installed: Path, tmp_path: Path) -> None:
-    path = os.pathsep.join([str(installed / "bin"), os.environ["PATH"]])
-    environment = {"PATH": path, "PYTHONPATH": str(installed)}
-    page = PAGES[TUTORIAL]
-
-    where = typed([f"{sys.executable} -c 'import uavgram; print(uavgram.__file__)'"], tmp_path,
-                  **environment)  # fmt: skip
-    shown = one_blank(typed(page.run("sh"), tmp_path, **environment))
-
-    assert Path(where.strip()).is_relative_to(installed)
     for block in page.run("text"):
         for line in filter(None, block.splitlines()):
             assert one_blank(line) in shown, line
-    report = (tmp_path / "crossing" / "out" / "report.html").read_text(encoding="utf-8")
-    results = json.loads((tmp_path / "crossing" / "out" / "results.json").read_text("utf-8"))
-    assert "skid left" in report
-    assert (tmp_path / "crossing" / "out" / "plan.pdf").is_file()
+    out = tutorial.folder / "crossing" / "out"
+    assert "skid left" in (out / "report.html").read_text(encoding="utf-8")
+    results = json.loads((out / "results.json").read_text("utf-8"))
     # The run with the wrong length is not green and names it; the last run is right again.
-    wrong = re.findall(r"^Verdict: (?:red|amber).*$", shown, re.MULTILINE)
+    wrong = re.findall(r"^Verdict: (?:red|amber).*$", tutorial.shown, re.MULTILINE)
     assert "L1 does not fit and was left out" in wrong[-1], wrong
     assert results["verdict"]["level"] == "green"
+
+
+def test_the_commands_of_the_tutorial_call_nobody(tutorial: Tutorial) -> None:
+    if STRACE is None:
+        pytest.skip("needs strace: apt install strace")
+    assert strangers(tutorial.folder) == []

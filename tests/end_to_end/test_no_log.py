@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_rows import read_rows
 from flight_projects import Truth, copy_project
 
 import uavgram
@@ -118,8 +118,7 @@ def test_every_output_is_there_and_reads_back(run: Run) -> None:
     }
     loaded = uavgram.load_results(out / "results.json")
     np.testing.assert_array_equal(loaded.measurements.value, result.measurements.value)
-    with (out / "measurements.csv").open(encoding="utf-8", newline="") as file:
-        values = [row["value"] for row in csv.DictReader(file)]
+    values = [row["value"] for row in read_rows(out / "measurements.csv")]
     assert [value == "" for value in values] == np.isnan(result.measurements.value).tolist()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 from datetime import datetime
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from csv_rows import read_rows
 from flight_projects import Demo
 
 import uavgram
@@ -143,8 +143,7 @@ def test_provenance_names_every_input_by_its_digest(demo: Demo, content: Content
 
 
 def test_measurements_csv_says_the_same_as_results_json(demo: Demo, content: Content) -> None:
-    with (demo.out / "measurements.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_rows(demo.out / "measurements.csv")
     assert [row["name"] for row in rows] == [m["name"] for m in content["measurements"]]
     for row, measurement in zip(rows, content["measurements"], strict=True):
         low, high = measurement["interval_95"]

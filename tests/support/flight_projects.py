@@ -38,6 +38,14 @@ class Demo:
     truth: Truth
 
 
+@dataclass(frozen=True, kw_only=True)
+class Tutorial:
+    """What the tutorial's commands leave, and what they show."""
+
+    folder: Path
+    shown: str
+
+
 def copy_project(source: Path, folder: Path, **changes: object) -> Path:
     """Write a project file elsewhere that names the same inputs by absolute paths."""
     project = yaml.safe_load((source / "project.yaml").read_text(encoding="utf-8"))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
+from csv_rows import read_rows, write_rows
 from large_photos import write_large_project
 
 LABELS = 24
@@ -20,18 +20,14 @@ MOVING = ("P23", "P24")
 def write_survey(folder: Path) -> tuple[Path, dict[str, tuple[float, float]]]:
     """Two photos; the second is yet without `ALONE`, and without what moves."""
     project = write_large_project(folder, 1600, 1200, labels=LABELS)
-    with (folder / "picks.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
+    rows = read_rows(folder / "picks.csv")
     second = [row for row in rows if row["image"] == "photo1.jpg"]
     places = {row["label"]: (float(row["u_px"]), float(row["v_px"])) for row in second}
     lacking = {*ALONE, *MOVING}
     kept = [row for row in rows if row["image"] == "photo0.jpg" or row["label"] not in lacking]
     (beside,) = (r for r in rows if (r["image"], r["label"]) == ("photo0.jpg", ALONE[0]))
     kept.append(beside | {"label": TWIN, "u_px": str(float(beside["u_px"]) + TWIN_ASIDE_PX)})
-    with (folder / "picks.csv").open("w") as stream:
-        table = csv.DictWriter(stream, rows[0])
-        table.writeheader()
-        table.writerows(kept)
+    write_rows((folder / "picks.csv"), kept)
     with (folder / "measure.csv").open("a") as stream:
         stream.write(f"S1,speed,{';'.join(MOVING)}\n")
     return project, places

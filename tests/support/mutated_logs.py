@@ -41,9 +41,6 @@ class Tally(TypedDict):
     growth_bytes: int
 
 
-SLOWEST_S = 5.0
-
-
 def mutated(suffix: str, data: bytes, seed: int) -> bytes:
     """Damage of a kind that the form of log can have, and up to two more of its bytes, by the seed.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from csv_rows import read_rows, write_rows
 from flight_projects import Truth, copy_project
 from height_errors import Errors, errors
 
@@ -47,20 +47,19 @@ def free_street(
         Of the project file.
     """
     truth: Truth = json.loads((data / "truth" / f"{name}.json").read_text(encoding="utf-8"))
-    with (data / name / "picks.csv").open(newline="", encoding="utf-8") as file:
-        picks = list(csv.DictReader(file))
+    picks = read_rows(data / name / "picks.csv")
     if redrawn is not None:
         picks = _redrawn(picks, truth, np.random.default_rng(redrawn))
     above = truth["height_above_ground_m"]
     labels = sorted({row["label"] for row in picks})
     free = tuple(label for label in labels if above[label] > LEAST_HEIGHT_M)
     rows = [row | {"height_m": "free" if row["label"] in free else ""} for row in picks]
-    _write(folder / "picks.csv", rows)
+    write_rows(folder / "picks.csv", rows)
     ground = [label for label in labels if label not in free and _on_ground(label, truth)]
     rng = np.random.default_rng(0)
     pairs = [(a, b) for a in free for b in rng.choice(ground, PARTNERS, replace=False)]
     measured = [{"name": f"{a} to {b}", "kind": "distance", "points": f"{a};{b}"} for a, b in pairs]
-    _write(folder / "measure.csv", measured)
+    write_rows(folder / "measure.csv", measured)
     own = {table: str(folder / f"{table}.csv") for table in ("picks", "measure")}
     return Street(
         project=copy_project(data / name, folder, **own, **changes), truth=truth, free=free
@@ -69,8 +68,7 @@ def free_street(
 
 def picked_in(street: Street, photos: int) -> set[str]:
     """Free labels that are picked in so many photos at least."""
-    with (street.project.parent / "picks.csv").open(newline="", encoding="utf-8") as file:
-        count = Counter(row["label"] for row in csv.DictReader(file))
+    count = Counter(row["label"] for row in read_rows(street.project.parent / "picks.csv"))
     return {label for label in street.free if count[label] >= photos}
 
 
@@ -109,11 +107,3 @@ def _redrawn(
         u, v = truth["pixels"][row["image"]][row["label"]][:2] + PICK_PX * rng.normal(size=2)
         rows.append(dict(row) | {"u_px": f"{u:.3f}", "v_px": f"{v:.3f}"})
     return rows
-
-
-def _write(path: Path, rows: list[dict[str, str]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, list(rows[0]))
-        table.writeheader()
-        table.writerows(rows)

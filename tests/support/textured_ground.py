@@ -5,7 +5,6 @@ A car stands elsewhere in the last photo, and one label lies on stripes that rep
 
 from __future__ import annotations
 
-import csv
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from csv_rows import read_rows
 from place_only_scenes import PLACE, TO_EARTH
 
 from uavgram.imaging.raster import Image
@@ -58,8 +58,7 @@ class Textured:
 
     def rows(self) -> list[dict[str, str]]:
         """The table of picks, row by row."""
-        with self.picks.open(encoding="utf-8") as stream:
-            return list(csv.DictReader(stream))
+        return read_rows(self.picks)
 
 
 def write_textured(folder: Path, *, extra: str = "", labels: tuple[str, ...] = ()) -> Textured:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -198,11 +198,6 @@ TWENTY = tuple(
     )
 )
 """Twenty flights, looking down and aside, nearly flat and with houses."""
-
-
-def with_readout(c: Conditions, readout_s: float) -> Conditions:
-    """The same flight with a shutter that reads rows one after the other."""
-    return replace(c, readout_s=readout_s)
 
 
 def errors_of(flight: TiedFlight, found: TiedPoses) -> tuple[float, float]:

@@ -1,12 +1,12 @@
 """batch.html and the tables: everything is named, nothing is run, the map is true."""
 
-import csv
 import math
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from csv_rows import read_rows
 from pyarrow import parquet
 from pyproj import Geod
 
@@ -111,8 +111,7 @@ def test_both_tables_say_the_same_and_no_spreadsheet_runs_them(
 ) -> None:
     write_batch_csv(batch, tmp_path / "batch.csv")
     write_batch_parquet(batch, tmp_path / "batch.parquet")
-    with (tmp_path / "batch.csv").open(encoding="utf-8", newline="") as stream:
-        typed = list(csv.DictReader(stream))
+    typed = read_rows(tmp_path / "batch.csv")
     exact = parquet.read_table(tmp_path / "batch.parquet").to_pylist()
 
     assert [row["status"] for row in typed] == ["done", "unchanged", "failed"]

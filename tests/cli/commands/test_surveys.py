@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import resource
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Never
 
 import pytest
+from csv_rows import read_rows
 from small_projects import Command, Project
 
 from uavgram.errors import UavgramError
@@ -82,8 +82,7 @@ def test_what_is_no_recording_is_one_message(
 
 def table(folder: Path) -> dict[str, dict[str, str]]:
     """Rows of batch.csv by the name of the survey's folder."""
-    with (folder / "batch.csv").open(encoding="utf-8", newline="") as stream:
-        return {Path(row["project"]).parent.name: row for row in csv.DictReader(stream)}
+    return {Path(row["project"]).parent.name: row for row in read_rows(folder / "batch.csv")}
 
 
 def told(results: Path) -> object:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from csv_rows import read_rows
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
@@ -52,7 +52,7 @@ def test_the_covariances_beside_the_model_are_those_of_the_centres(
     result: Result, tmp_path: Path
 ) -> None:
     write_colmap_model(result, tmp_path)
-    rows = list(csv.DictReader((tmp_path / "pose_priors.csv").read_text("utf-8").splitlines()))
+    rows = read_rows(tmp_path / "pose_priors.csv")
     at = {name: k for k, name in enumerate(result.frames.frame_id)}
 
     assert len(rows) == int(result.has_refined.sum())

@@ -150,9 +150,9 @@ def test_damaged_logs_are_read_or_refused(suffix: str, repository: Path, tmp_pat
     binary = repository / "logs" / "twin_short.BIN"
     source = tmp_path / f"source{suffix}"
     contents = {
-        ".BIN": lambda: binary.read_bytes()[:60_000],
+        ".BIN": lambda: binary.read_bytes()[:45_000],
         ".log": lambda: text_log(binary.read_bytes(), until_s=152.5),
-        ".tlog": lambda: first_records(binary.with_suffix(".tlog").read_bytes(), 20_000),
+        ".tlog": lambda: first_records(binary.with_suffix(".tlog").read_bytes(), 10_000),
         ".ulg": small_ulog,
     }
     source.write_bytes(contents[suffix]())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import csv
 import json
 import random
 import threading
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from csv_rows import read_rows
 from open_projects import ask, change, opened
 from pick_pages import HEIGHT, WIDTH, Page, Server, running, small_project
 from websockets.exceptions import ConnectionClosed
@@ -88,8 +88,7 @@ def _tables(folder: Path) -> Json:
         path = folder / name
         if not path.is_file():
             return []
-        with path.open(encoding="utf-8", newline="") as stream:
-            return list(csv.DictReader(stream))
+        return read_rows(path)
 
     picks = [
         {

@@ -7,6 +7,7 @@ flight: such an edge falls on itself at any height.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 
 import cv2
@@ -87,8 +88,8 @@ def write_project(points: dict[str, Floats], folder: Path, sources: tuple[int, .
             rows += [row] * (row not in rows)
     (folder / "picks.csv").write_text("\n".join(rows) + "\n")
     lengths = ["name,from,to,length_m,sigma_m"]
-    for a, b in zip(ground[0:6:2], ground[1:6:2], strict=True):
-        lengths.append(f"L{a},{a},{b},{np.linalg.norm(points[a] - points[b]):.4f},0.01")
+    for a, b in combinations(ground[:6], 2):
+        lengths.append(f"{a}-{b},{a},{b},{np.linalg.norm(points[a] - points[b]):.4f},0.01")
     (folder / "lines.csv").write_text("\n".join(lengths) + "\n")
     (folder / "measure.csv").write_text("name,kind,points\n")
     (folder / "camera.yaml").write_text(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import random
 import shutil
@@ -11,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from csv_rows import read_rows
 
 from uavgram.cli import main
 
@@ -73,8 +73,7 @@ def test_ground_in_few_photos_is_found_in_the_others(
 
     assert main(["picks", "match", str(folder)]) == 0
 
-    with table.open(encoding="utf-8", newline="") as file:
-        found = [row for row in csv.DictReader(file) if row["source"] == "match"]
+    found = [row for row in read_rows(table) if row["source"] == "match"]
     found = [row for row in found if row["label"][0] in "PR"]
     off_px = [
         np.hypot(float(row["u_px"]) - u, float(row["v_px"]) - v)

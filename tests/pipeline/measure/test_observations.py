@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_rows import read_rows, write_rows
 from kerb_projects import kerb_project
 
 from uavgram.errors import InputError
@@ -101,17 +101,13 @@ def test_lines_on_the_earth_are_the_world(tmp_path: Path) -> None:
         "+step +inv +proj=cart +ellps=WGS84"
     )
     table = tmp_path / "control_lines.csv"
-    with table.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_rows(table)
     for row in rows:
         for end in ("start", "end"):
             east, north = (float(row.pop(f"{end}_{axis}_m")) for axis in ("east", "north"))
             longitude, latitude, _ = to_earth.transform(east, north, 0.0)
             row[f"{end}_latitude_deg"], row[f"{end}_longitude_deg"] = latitude, longitude
-    with table.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(table, rows)
     text = made.path.read_text(encoding="utf-8").replace("check: check.csv\n", "")
     made.path.write_text(text, encoding="utf-8")
     result = computed(made.path)

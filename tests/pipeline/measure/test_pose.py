@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_rows import read_rows
 from hostile_conditions import CLEAN, CONDITIONS
 from hostile_project import write_project
 from hostile_surveys import make_survey
@@ -41,14 +41,13 @@ def result_of(
 ) -> Result:
     """Measure from R1 to R4 in photos that look 45 degrees down, with a log without a gimbal."""
     picks = ["image,label,u_px,v_px"]
-    with (street / "picks.csv").open(encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if row["image"] in photos and row["label"] in TAPED:
-                u, v = float(row["u_px"]), float(row["v_px"])
-                picks += [
-                    f"{row['image']},{row['label']},{u + 0.4 * k:.2f},{v - 0.3 * k:.2f}"
-                    for k in range(clicks)
-                ]
+    for row in read_rows(street / "picks.csv"):
+        if row["image"] in photos and row["label"] in TAPED:
+            u, v = float(row["u_px"]), float(row["v_px"])
+            picks += [
+                f"{row['image']},{row['label']},{u + 0.4 * k:.2f},{v - 0.3 * k:.2f}"
+                for k in range(clicks)
+            ]
     head, *lines = (street / "lines.csv").read_text(encoding="utf-8").splitlines()
     (folder / "picks.csv").write_text("\n".join(picks), encoding="utf-8")
     chosen = [head, *(line for line in lines if line.split(",")[0] in lengths)]

@@ -498,41 +498,41 @@ def test_checks_are_judged_together_with_their_joint_covariance(
     assert judge_overall(adjustment, nothing, ALPHA) == (None, ())
 
 
-def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(
+def test_lengths_left_out_beforehand_are_named_with_both_values_and_their_unit(
     scene_factory: Callable[..., Scene],
 ) -> None:
     survey = scene_factory(6, frames=6, ends=tuple((k, k + 6) for k in range(6))).survey
     assert survey.seeds is not None
     covariance = np.tile(np.diag([1.0, 1, 1.5, 0.03, 0.03, 0.04]) ** 2, (6, 1, 1))
     survey = replace(survey, seeds=replace(survey.seeds, covariance=covariance))
-    for factors, unit in (({2: 1000.0}, "in millimetres,"), ({1: 3.2808, 2: 3.2808}, "in feet,")):
-        length = np.array(survey.length_m)
-        for line, factor in factors.items():
-            length[line] *= factor
-        wrong = replace(survey, length_m=length)
-        refined = solve(wrong)
-        lines = lines_of(wrong)
-        given = examined(refined)
-        found, _, _, messages = judge_lines(given, lines, np.arange(6))
-        assert messages == ()  # the cause tells
-        ((message, mend),) = [(cause.message, cause.mend) for cause in refined.causes]
-        assert message.code == "line-wrong-unit"
-        for line in factors:
-            right = survey.length_m[line]
-            assert found.status[line] == "removed"
-            assert f"'L{line}'" in message.text
-            assert f"{right:.2f} m" in message.text
-            assert mend is not None
-            assert mend.length_m[line] == pytest.approx(right, rel=1e-4)
-            assert found.adjusted_m[line] == pytest.approx(right, abs=0.1)
-        assert f"{unit} not in metres" in message.text
-        assert judge_suspects(given) == ()
-        records = judge_removals(refined, lines, np.arange(6), WHOLE, NO_TIMES, given.measured)
-        assert [r.what for r in records] == [named(lines, line) for line in factors]
-        assert message.lengths == tuple(f"L{line}" for line in factors)
-        assert all(np.isnan(r.variance_factor_before) for r in records)
-        assert all(np.isfinite(r.change).any() for r in records)
-        assert 0.3 < records[0].variance_factor_after < 2.0
+    factors = {1: 3.2808, 2: 3.2808}
+    length = np.array(survey.length_m)
+    for line, factor in factors.items():
+        length[line] *= factor
+    wrong = replace(survey, length_m=length)
+    refined = solve(wrong)
+    lines = lines_of(wrong)
+    given = examined(refined)
+    found, _, _, messages = judge_lines(given, lines, np.arange(6))
+    assert messages == ()  # the cause tells
+    ((message, mend),) = [(cause.message, cause.mend) for cause in refined.causes]
+    assert message.code == "line-wrong-unit"
+    for line in factors:
+        right = survey.length_m[line]
+        assert found.status[line] == "removed"
+        assert f"'L{line}'" in message.text
+        assert f"{right:.2f} m" in message.text
+        assert mend is not None
+        assert mend.length_m[line] == pytest.approx(right, rel=1e-4)
+        assert found.adjusted_m[line] == pytest.approx(right, abs=0.1)
+    assert "in feet, not in metres" in message.text
+    assert judge_suspects(given) == ()
+    records = judge_removals(refined, lines, np.arange(6), WHOLE, NO_TIMES, given.measured)
+    assert [r.what for r in records] == [named(lines, line) for line in factors]
+    assert message.lengths == tuple(f"L{line}" for line in factors)
+    assert all(np.isnan(r.variance_factor_before) for r in records)
+    assert all(np.isfinite(r.change).any() for r in records)
+    assert 0.3 < records[0].variance_factor_after < 2.0
 
 
 def _is_the_change_by_an_adjustment(
