@@ -276,6 +276,29 @@ def test_picks_in_a_small_copy_of_one_of_two_photos_are_named_and_spoil_nothing(
     assert max(map(abs, zs(row))) < 3.5
 
 
+@pytest.mark.parametrize("seed", [5, 8])
+def test_most_points_off_the_ground_without_a_stated_height_spoil_nothing(seed: int) -> None:
+    """Photos from nearly one place hardly show heights; a scene of no size would fit any (8)."""
+    world = World(
+        photos=4,
+        path="strip",
+        tilt_deg=(0, 3),
+        height_m=(58, 62),
+        size_m=(60, 30),
+        taped=(8, 8),
+        marks=(40, 40),
+        lengths=(6, 6),
+        raised=28,
+    )
+    survey = draw(world, np.random.default_rng(seed))
+    for pick in survey.picks:
+        pick.extra.pop("height_m", None)
+    row = judged(survey, {"world": "strip", "fault": "blank heights", "seed": seed})
+    assert row["level"] == "amber"
+    assert len(zs(row, kind="distance")) > 3
+    assert max(map(abs, zs(row, kind="distance"))) < 3.5
+
+
 @pytest.mark.parametrize(
     ("lengths", "tilt", "seed"),
     [

@@ -240,13 +240,14 @@ GROUND = (
         WARNING,
         finding=(
             "Several points are off the ground although no height was stated for them. Other "
-            "points were picked in one photo only, which does not show their height."
+            "points were picked in one photo only, or in photos from nearly the same place, "
+            "which do not show their heights."
         ),
         consequence=(
             "Their heights count as uncertain, by as much as the others are off. Measurements at "
             "them are less exact."
         ),
-        action="Pick them in a second photo.",
+        action="Pick them in a photo from further aside, or state their heights.",
     ),
     Entry(
         "point-off-ground",

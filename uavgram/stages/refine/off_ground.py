@@ -235,7 +235,7 @@ MIN_OFF_GROUND = 3
 def free_unchecked_heights(
     survey: Survey, refined: Refined, found: Collection[str]
 ) -> tuple[Survey, Refined, tuple[Message, ...]]:
-    """Give points in only one photo uncertain heights, and readjust.
+    """Give points that may be off the ground like others uncertain heights, and readjust.
 
     Parameters
     ----------
@@ -246,29 +246,83 @@ def free_unchecked_heights(
     found
         Labels whose heights were found.
     """
-    adjustment = refined.adjustment
-    photos = count_photos(adjustment.survey)
-    on_ground = ~adjustment.survey.off_ground
-    unseen = [adjustment.survey.label[k] for k in np.flatnonzero(on_ground & (photos < 2))]
-    if len(found) < MIN_OFF_GROUND or not unseen:
+    adjustment, sigma = refined.adjustment, np.zeros(len(survey.label))
+    if len(found) < MIN_OFF_GROUND:
         return survey, refined, ()
-    share = len(found) / (len(found) + int((on_ground & (photos >= 2)).sum()))
-    height = adjustment.state.point[adjustment.label_rows(found), 2]
-    # Height 0 with probability 1 - p, otherwise of mean square s^2: the variance is p s^2.
-    sigma_m = float(np.sqrt(share * np.mean(height**2)))
-    after = _readjust_if_possible(adjustment, _set_height_sigma(adjustment.survey, unseen, sigma_m))
-    if after is None:
-        return survey, refined, ()
+    on_ground = np.flatnonzero(~adjustment.survey.off_ground)
+    names = [adjustment.survey.label[k] for k in on_ground]
+    for _ in range(HEIGHT_ROUNDS):
+        size_m = _expect_heights(adjustment, on_ground, found)
+        sigma = dict(zip(names, np.where(size_m > MAX_UNEVENNESS_M, size_m, 0.0), strict=True))
+        again = _readjust_if_possible(adjustment, _set_height_sigmas(adjustment.survey, sigma))
+        if again is None or not any(sigma.values()):
+            return survey, refined, ()
+        adjustment = again
+    unseen = {name: size for name, size in sigma.items() if size > 0.0}
     return (
-        _set_height_sigma(survey, unseen, sigma_m),
-        replace(refined, adjustment=after),
-        (_unchecked_message(unseen, sigma_m, len(found)),),
+        _set_height_sigmas(survey, sigma),
+        replace(refined, adjustment=adjustment),
+        (_unchecked_message(list(unseen), max(unseen.values()), len(found)),),
     )
 
 
-def _set_height_sigma(survey: Survey, names: list[str], sigma_m: float) -> Survey:
-    of = np.isin(survey.label, names)
-    return replace(survey, height_sigma_m=np.where(of, sigma_m, survey.height_sigma_m))
+def _expect_heights(adjustment: Adjustment, on_ground: Ints, found: Collection[str]) -> Floats:
+    """Compute root mean squares (n,) of the heights of points taken to be on the ground [m].
+
+    A share of all points is off the ground, with heights like those found; the others depart from
+    it by its roughness. The photos show each height more or less exactly, and thus how probable
+    either is (Bayes' theorem).
+
+    Parameters
+    ----------
+    adjustment
+        The survey, with points off the ground free.
+    on_ground
+        (n,) points taken to be on the ground.
+    found
+        Labels whose heights were found.
+    """
+    survey, blocks = adjustment.survey, adjustment.minimum.blocks
+    height_m, sigma_m = np.zeros(len(survey.label)), np.full(len(survey.label), np.inf)
+    third = adjustment.problem.third
+    for name, label in (("roughness", third.rough), ("heights", third.stated)):
+        if name in blocks:
+            # Estimate without the prior, from that with it and the leverage of the prior.
+            leverage = adjustment.covariance.leverage(blocks[name])[:, 0]
+            shown = np.maximum(1.0 - leverage, MIN_SHOWN)
+            height_m[label] = adjustment.state.point[label, 2] / shown
+            sigma_m[label] = third.sigma_m[label] * np.sqrt(leverage / shown)
+    up_m = adjustment.state.point[adjustment.label_rows(found), 2]
+    square = float(np.mean(up_m**2))
+    usual = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
+    # Densities of the shown heights for points off the ground, over those on it; one photo alone
+    # shows none, and a ground without roughness is stated to be a plane.
+    is_once = count_photos(survey) < UNCHECKED_PHOTOS
+    seen = np.isfinite(sigma_m) & ~is_once
+    on, off = usual[seen] ** 2 + sigma_m[seen] ** 2, square + sigma_m[seen] ** 2
+    ratio = np.where(is_once, 1.0, 0.0)
+    ratio[seen] = np.sqrt(on / off) * np.exp(0.5 * height_m[seen] ** 2 * (1.0 / on - 1.0 / off))
+    ratio = ratio[on_ground]
+    probability = np.full(len(on_ground), len(found) / (len(found) + len(on_ground)))
+    for _ in range(SHARE_ROUNDS):
+        share = (len(found) + probability.sum()) / (len(found) + len(on_ground))
+        probability = share * ratio / (share * ratio + 1.0 - share)
+    return np.asarray(np.sqrt(probability * square))
+
+
+HEIGHT_ROUNDS, SHARE_ROUNDS = 2, 30
+"""Readjustments with uncertain heights; and iterations of the share of points off the ground."""
+
+MIN_SHOWN = 1e-6
+"""Least share of a height that photos show, below which it is unknown."""
+
+
+def _set_height_sigmas(survey: Survey, sigma_m: Mapping[str, float]) -> Survey:
+    own = [
+        sigma_m.get(k, stated)
+        for k, stated in zip(survey.label, survey.height_sigma_m, strict=True)
+    ]
+    return replace(survey, height_sigma_m=np.array(own))
 
 
 def _readjust_if_possible(adjustment: Adjustment, survey: Survey) -> Adjustment | None:
@@ -281,13 +335,13 @@ def _readjust_if_possible(adjustment: Adjustment, survey: Survey) -> Adjustment 
 
 def _unchecked_message(unseen: list[str], sigma_m: float, found: int) -> Message:
     several = len(unseen) > 1
-    what = f"{len(unseen)} points are" if several else f"The point {unseen[0]!r} is"
-    it = "They" if several else "It"
+    what = f"{len(unseen)} points" if several else f"The point {unseen[0]!r}"
     text = (
-        f"{what} picked in one photo only, where {found} others are off the ground: pick "
-        f"{'them' if several else 'it'} in a second photo. {it} may be off the ground too, so "
-        f"{'their heights are' if several else 'its height is'} taken as uncertain by "
-        f"{sigma_m:.2f} m."
+        f"{what} may be off the ground, as {found} others are: one photo, or photos from nearly "
+        f"the same place, do not show {'their heights' if several else 'its height'}. "
+        f"{'They are' if several else 'It is'} taken as uncertain by up to {sigma_m:.2f} m. Pick "
+        f"{'them' if several else 'it'} in a photo from further aside, or state the "
+        f"{'heights' if several else 'height'}."
     )
     return Message("warning", "heights-unseen", text, labels=tuple(unseen))
 
