@@ -76,11 +76,10 @@ ALPHA = 0.001
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
 REPETITIONS = max(400, AT_LEAST)
 NAMED = max(400, AT_LEAST)
-TAKEN_OUT, SEVERAL, SWAPPED = max(40, AT_LEAST), max(80, AT_LEAST), max(24, AT_LEAST)
+TAKEN_OUT, SEVERAL, SWAPPED = max(80, AT_LEAST), max(80, AT_LEAST), max(40, AT_LEAST)
 MISSED = 0.01
-"""Share that may go wrong: none at all. A fault of one line, or of one photo, in 6 passes 40 of
-them with a probability of 0.0007 and 24 with 0.013, a fault in 10 passes 40 with 0.015; rarer ones
-are looked for by `tests/benchmarks/study_trust.py`, a second for each survey."""
+"""Share that may go wrong: none of 80 at all, which a fault in 4 of 100 surveys passes less often
+than 196 right ones of 200 (0.04 and 0.10), and so does one in 3, 5 or 6."""
 TAIL = 1e-4 / 2
 """Probability with which a bound of a binomial distribution is crossed by chance."""
 
