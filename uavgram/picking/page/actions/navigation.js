@@ -2,7 +2,7 @@
 
 import { labels, pickAt, placeOf, predictedIn, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
-import { inputIn } from "./tools.js";
+import { inputIn } from "./typed_numbers.js";
 import { bringTies, tiesIn } from "../photos/ties.js";
 
 /** @import { Notice } from "../elements/notice.js" */
