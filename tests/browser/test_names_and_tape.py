@@ -111,6 +111,10 @@ def test_a_button_accepts_all_that_was_found_surely_and_nothing_else(
         (index[one.image], one.label) for one in sampled.picking.state.picks if one.source != "hand"
     }
     assert now == sure
+    expect(page.locator('[data-row^="found "]').first).to_contain_text("unsure")  # as all are now
+    number = min(image for image, _ in rest)
+    page.locator(f'#strip [data-image="{number}"]').click()
+    expect(page.locator("[data-proposal]").first).to_contain_text("unsure")
     page.keyboard.press("Control+z")  # one step
     eventually(page, lambda: len(sampled.picking.state.picks) == before)
     assert not open_page.errors

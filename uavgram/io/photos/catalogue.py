@@ -261,6 +261,7 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
         named without a pattern may be missing, and those that are left out.
     """
     found: dict[str, Path] = {}
+    twice: dict[Path, Path] = {}
     own_names = {*left_out, *map(glob.escape, left_out)}
     wanted = [pattern for pattern in patterns if Path(pattern).name not in own_names]
     there = [pattern for pattern in wanted if glob.has_magic(pattern) or os.path.lexists(pattern)]
@@ -278,9 +279,16 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
             check_name(path)
             other = found.setdefault(path.name, path)
             if other.resolve() != path.resolve():
-                raise InputError(
-                    path, f"has the name of {other}; picks name photos by it: rename one"
-                )
+                twice[path] = other
+    if twice:
+        (path, other), *more = twice.items()
+        others = f", and {len(more)} more photos have names that occur twice" if more else ""
+        raise InputError(
+            path,
+            f"has the name of {other}{others}; a project tells photos apart by their file names. "
+            "Let `images` name one of the folders, and make a project of its own for the other one, or rename "
+            "the photos",
+        )
     if not found:
         raise InputError(patterns[0], "all of its photos are left out: correct `leave_out`")
     return [found[name] for name in sorted(found)]

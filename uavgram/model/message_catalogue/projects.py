@@ -114,8 +114,11 @@ NEW_PROJECT = (
     Entry(
         "pick-recovered",
         WARNING,
-        finding="An earlier session ended without saving. Its confirmed changes were taken over.",
-        action="To go back to the tables, use Undo.",
+        finding=(
+            "An earlier session ended without saving. Its confirmed changes were recovered and "
+            "saved."
+        ),
+        action="To go back to the tables as they were before, use Undo.",
     ),
     Entry(
         "pick-not-recovered",

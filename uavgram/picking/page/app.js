@@ -146,7 +146,7 @@ class App {
     this.header.showProject();
     if (!this.panes.all.length) this.resume();
     else for (const pane of this.panes.all) pane.show(pane.image);
-    if (store.recovered) this.notice.show("Recovered what the last session confirmed and could not save.", true);
+    if (store.recovered) this.notice.show("The last session ended without saving. What it had confirmed was recovered, and is saved now.", true);
     this.tools.suggest();
     byId("panes").dataset.ready = "true";
   }
