@@ -135,7 +135,7 @@ def test_a_length_between_two_ends_beside_each_other_takes_the_number_typed_afte
 
 
 NEAR_PX = 6
-"""On the screen: as far as a click means the mark itself, where no other end of a line is wanted."""
+"""On the screen: a click so near means the mark, unless another end of a line is wanted."""
 
 
 def test_a_reading_that_is_refused_takes_no_later_click_and_belongs_to_its_own_line(

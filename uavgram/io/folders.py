@@ -261,7 +261,7 @@ def group_photos(
 
 
 def number_kinds(groups: Iterable[PhotoGroup]) -> tuple[int, ...]:
-    """Number the kinds of photos: a project takes one, of one size, and each file name once.
+    """Return the kind of each group; photos of one kind have one size, and different file names.
 
     Parameters
     ----------

@@ -225,7 +225,7 @@ def test_two_photos_of_one_name_are_refused(photo: Photo, tmp_path: Path) -> Non
     photo("two/a.jpg")
     photo("one/b.jpg")
     photo("two/b.jpg")
-    with pytest.raises(InputError, match="has the name of .*one.a.jpg, and 1 more photos"):
+    with pytest.raises(InputError, match=r"has the name of .*one.a.jpg, and 1 more photos"):
         read_photos((str(tmp_path / "*" / "*.jpg"),), TimeOptions())
 
 

@@ -286,8 +286,8 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
         raise InputError(
             path,
             f"has the name of {other}{others}; a project tells photos apart by their file names. "
-            "Let `images` name one of the folders, and make a project of its own for the other one, or rename "
-            "the photos",
+            "Let `images` name one of the folders, and make a project of its own for the other "
+            "one, or rename the photos",
         )
     if not found:
         raise InputError(patterns[0], "all of its photos are left out: correct `leave_out`")

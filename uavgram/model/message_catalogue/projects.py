@@ -243,6 +243,13 @@ IMPORTS = (
         action="If it is one point, correct its height and give it one label.",
     ),
     Entry(
+        "gcp-photos-absent",
+        WARNING,
+        finding="A gcp_list.txt names photos that are not in its folder, beside some that are.",
+        consequence="The picks in the missing photos are left out.",
+        action="Copy the photos beside the file, and import it once more into another picks.csv.",
+    ),
+    Entry(
         "gcp-zero-heights",
         WARNING,
         finding="Points have the height 0, which programs write for an unknown height.",
