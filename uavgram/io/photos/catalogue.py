@@ -328,8 +328,8 @@ def _times(
         messages.append(Message("warning", "photo-without-time", text))
     if source == "exif" and not any(reading.zoned for reading in readings):
         text = (
-            "EXIF states no time zone: its times were read as UTC; "
-            "time.offset_s (camera clock minus UTC) has to take the zone off"
+            "The photos state no time zone, so their times were read as UTC. If the camera showed "
+            "local time, time.offset_s has to contain the zone: 7200 for a clock 2 h ahead of UTC."
         )
         messages.append(Message("info", "photo-zone-unknown", text))
     return readings, source, tuple(messages)

@@ -421,7 +421,7 @@ def _control_lines(project: Project, known: KnownThings) -> ControlLines:
     lines = read_control_lines(project.control_lines)
     for name in lines.name:
         if name in known.name:
-            text = f"line {name!r} is called like a known thing: rename one of them"
+            text = f"line {name!r} has the name of a known thing: give one of them another name"
             raise InputError(project.control_lines, text)
     return lines
 

@@ -128,7 +128,7 @@ export class Navigation {
     const { active: pane } = this.panes;
     if (!pane) return;
     const expected = predictedIn(pane.image).find((one) => one.label === label);
-    if (!expected && !pickAt(pane.image, label)) this.notice.show(`Nothing says where ${label} is in ${pane.photo.name}.`);
+    if (!expected && !pickAt(pane.image, label)) this.notice.show(`Where ${label} is in ${pane.photo.name} cannot be computed yet: click it there, or look for it in another photo.`);
     else pane.goTo(label, Math.max(pane.view.scale, 2));
   }
 

@@ -125,7 +125,7 @@ export class Tools {
   // Cleans up after a question.
   /** @param {boolean} isAnswered */
   answered(isAnswered) {
-    if (this.state.asked && !isAnswered) this.notice.show("Not answered: nothing was marked at the ring.", true);
+    if (this.state.asked && !isAnswered) this.notice.show("The question was not answered, so nothing was marked at the ring. To mark the point, click there again.", true);
     this.state.asked = null;
     this.rebuild();
     this.panes.active?.focus();

@@ -167,7 +167,7 @@ const casePart = ({ setup }) => node("details", { class: "case", open: Object.va
 function positive(form, name, what) {
   const written = textIn(form, name);
   const value = Number(written.replace(",", "."));
-  if (!(value > 0)) throw new Error(`${what}: ${written || "nothing"} is no number greater than 0.`);
+  if (!(value > 0)) throw new Error(`${what}: enter a number greater than 0 (read: ${written || "nothing"}).`);
   return value;
 }
 
