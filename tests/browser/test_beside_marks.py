@@ -198,7 +198,7 @@ def test_a_number_without_a_line_does_nothing_and_the_other_end_may_be_very_near
         expect(question(page)).to_contain_text("P1 is very near")
         question(page).get_by_role("button", name="A new point").click()
         expect(page.get_by_role("form", name="New length P1 to P2")).to_be_visible()
-        assert set(picks(server)) == {"P1", "P2"}
+        eventually(page, lambda: set(picks(server)) == {"P1", "P2"})
         page.keyboard.type("0.2")
         page.keyboard.press("d")  # a number after a refused click of another tool
         x, y = to_page(page, *picks(server)["P2"])

@@ -183,7 +183,7 @@ def _notes(events: CameraEvents) -> tuple[str, ...]:
         missed = _join_numbers(events.image_number[untimed].tolist())
         several = format_count(int(untimed.sum()), "camera trigger")
         notes.append(
-            f"{several} not confirmed by the camera, so perhaps without a photo (image {missed})"
+            f"{several} not confirmed by the camera: perhaps there is no photo (image {missed})"
         )
     if events.repeated:
         notes.append(

@@ -159,7 +159,7 @@ class App {
   sayWhatIsGone() {
     const { gone = store.project } = kept();
     keep({ gone: store.project });
-    if (gone !== store.project) this.notice.show(`${gone} was saved and closed, as ${store.project} was opened in another tab or from the terminal. To return to ${gone}, choose its folder there.`);
+    if (gone !== store.project) this.notice.show(`The project ${gone} was saved and closed, as ${store.project} was opened in another tab or from the terminal. To return to ${gone}, choose its folder there.`);
   }
 
   keep() {
