@@ -33,6 +33,14 @@ class UavgramError(Exception):
         super().__init__(message)
 
 
+def describe_unread(fault: OSError) -> str:
+    """Return why a file cannot be read, and what to do."""
+    way_out = "check its name, and that of its folder"
+    if not isinstance(fault, FileNotFoundError):
+        way_out = "check the right to read it, and whether its disk is connected"
+    return f"cannot be read: {fault.strerror}; {way_out}"
+
+
 class InputError(UavgramError):
     """Invalid input file.
 

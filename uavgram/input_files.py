@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from uavgram.errors import InputError, describe_non_file
+from uavgram.errors import InputError, describe_non_file, describe_unread
 
 _HEAD_BYTES = 4096
 _READ = (b"\xff\xd8\xff", b"\x89PNG")
@@ -167,7 +167,7 @@ def opened(path: str | Path, way_out: str = "name a file") -> Iterator[BinaryIO]
         with Path(path).open("rb") as file:
             yield file
     except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+        raise InputError(path, describe_unread(fault)) from fault
 
 
 def read_text(path: str | Path, what_to_do: str) -> str:

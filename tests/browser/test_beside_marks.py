@@ -134,6 +134,85 @@ def test_a_length_between_two_ends_beside_each_other_takes_the_number_typed_afte
         assert not open_page.errors
 
 
+NEAR_PX = 6
+"""On the screen: a click so near means the mark, unless another end of a line is wanted."""
+
+
+def test_a_reading_that_is_refused_takes_no_later_click_and_belongs_to_its_own_line(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.keyboard.press("l")
+        for at in planted.marks_px[:2]:
+            page.mouse.click(*to_page(page, *at))
+        page.keyboard.type("5 1/2")
+        page.keyboard.press("Enter")
+        form = page.get_by_role("form", name="New length P1 to P2")
+        expect(form.get_by_role("alert")).to_contain_text("5 1/2 is no number")
+        for at in planted.marks_px[2:]:
+            page.mouse.click(*to_page(page, *at))
+            expect(page.locator("#notice")).to_contain_text("This click marked nothing: correct")
+        page.locator('.mark[data-label="P1"]').click()  # nor does a mark become an end
+        expect(form.get_by_label("Length")).to_be_focused()
+        assert set(picks(server)) == {"P1", "P2"}
+        page.keyboard.type("21,734")
+        expect(form).to_contain_text("= 21.734 m")
+        for at in planted.marks_px[2:]:
+            page.mouse.click(*to_page(page, *at))
+        page.keyboard.type("9,317 m")
+        page.keyboard.press("Enter")
+        eventually(page, lambda: len(server.picking.state.lines) == 2)
+        assert [(one.start, one.end, one.length_m) for one in server.picking.state.lines] == [
+            ("P1", "P2", 21.734),
+            ("P3", "P4", 9.317),
+        ]
+        page.get_by_role("button", name="Change length L1").click()
+        page.mouse.click(*to_page(page, *planted.marks_px[1]))  # a new line: P2 to P3
+        page.mouse.click(*to_page(page, *planted.marks_px[2]))
+        page.keyboard.type("7.5")
+        page.keyboard.press("Enter")
+        eventually(page, lambda: len(server.picking.state.lines) == 3)
+        assert [one.length_m for one in server.picking.state.lines] == [21.734, 9.317, 7.5]
+        assert not open_page.errors
+
+
+def test_a_number_without_a_line_does_nothing_and_the_other_end_may_be_very_near(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.keyboard.press("l")
+        page.mouse.click(*to_page(page, *planted.marks_px[0]))
+        scale = page.locator(".pane").get_attribute("data-scale")
+        expect(page.locator('.mark[data-label="P1"]')).to_have_count(1)
+        page.mouse.click(*to_page(page, *picks(server)["P1"]))
+        expect(page.locator("#notice")).to_contain_text("P1 is chosen already")
+        page.keyboard.type("1.7 m")
+        page.keyboard.press("Enter")
+        expect(page.locator("#notice")).to_contain_text("1.7 m was not used")
+        expect(page.locator('[data-tool="length"]')).to_be_checked()
+        assert page.locator(".pane").get_attribute("data-scale") == scale
+        x, y = to_page(page, *picks(server)["P1"])
+        page.mouse.click(x + NEAR_PX, y)
+        expect(question(page)).to_contain_text("P1 is very near")
+        question(page).get_by_role("button", name="A new point").click()
+        expect(page.get_by_role("form", name="New length P1 to P2")).to_be_visible()
+        eventually(page, lambda: set(picks(server)) == {"P1", "P2"})
+        page.keyboard.type("0.2")
+        page.keyboard.press("d")  # a number after a refused click of another tool
+        x, y = to_page(page, *picks(server)["P2"])
+        for _ in range(2):
+            page.mouse.click(*to_page(page, *planted.marks_px[1]))
+        expect(page.locator("#notice")).to_contain_text("is chosen already")
+        page.keyboard.type("4.5")
+        page.keyboard.press("Enter")
+        expect(page.locator("#notice")).to_contain_text("4.5 was not used")
+        expect(page.locator('[data-tool="distance"]')).to_be_checked()
+        eventually(page, lambda: set(picks(server)) == {"P1", "P2", "P3"})
+        assert not open_page.errors
+
+
 def test_a_line_without_a_reading_is_a_distance_and_a_typed_reading_is_written_without_enter(
     planted: PickingProject, open_page: PageOpener
 ) -> None:

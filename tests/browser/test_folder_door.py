@@ -183,6 +183,7 @@ def test_what_was_set_outlives_a_reload_and_another_tab_closes_nothing_unasked(
     expect(page.locator("#project")).to_contain_text("flight")
     other.get_by_role("button", name="Close flight and open this one").click()
     expect(other.locator("#project")).to_have_text("small")  # its name
+    expect(page.locator("#notice")).to_contain_text("flight was saved and closed, as small was")
     other.close()
 
     # The log is taken after all, on the page.

@@ -54,7 +54,7 @@ def test_labels_of_all_tables_are_avoided(
 ) -> None:
     folder = planted.path.parent
     (folder / "lines.csv").write_text("name,from,to,length_m,sigma_m\nL,P1,P2,5,0.01\n")
-    (folder / "measure.csv").write_text("name,kind,points\nD,distance,P3;P4\n")
+    (folder / "measure.csv").write_text("name,kind,points\np9,distance,P3;P4\n")
     known = "label,east_m,north_m,up_m,sigma_m\n"
     (folder / "control.csv").write_text(f"{known}P5,0,0,0,0.02\n")
     (folder / "check.csv").write_text(f"{known}P6,5,0,0,0.02\n")
@@ -63,13 +63,13 @@ def test_labels_of_all_tables_are_avoided(
         project.write("control: control.csv\ncheck: check.csv\nknown: known.csv\n")
     with served(planted.path) as server:
         page = open_page(server, *window)
-        expect(page.locator("#label")).to_have_value("P9")
+        expect(page.locator("#label")).to_have_value("P10")  # P9 would look like p9
         offered = page.locator("#known-labels option").evaluate_all("all => all.map(o => o.value)")
         assert {f"P{k}" for k in range(1, 9)} <= set(offered)
         page.mouse.click(*to_page(page, *planted.marks_px[0]))
-        eventually(page, lambda: server.picking.state.labels == ("P9",))
+        eventually(page, lambda: server.picking.state.labels == ("P10",))
         page.mouse.click(*to_page(page, *planted.marks_px[1]))
-        eventually(page, lambda: server.picking.state.labels == ("P9", "P10"))
+        eventually(page, lambda: server.picking.state.labels == ("P10", "P11"))
 
 
 @both_windows
@@ -111,6 +111,10 @@ def test_a_button_accepts_all_that_was_found_surely_and_nothing_else(
         (index[one.image], one.label) for one in sampled.picking.state.picks if one.source != "hand"
     }
     assert now == sure
+    expect(page.locator('[data-row^="found "]').first).to_contain_text("unsure")  # as all are now
+    number = min(image for image, _ in rest)
+    page.locator(f'#strip [data-image="{number}"]').click()
+    expect(page.locator("[data-proposal]").first).to_contain_text("unsure")
     page.keyboard.press("Control+z")  # one step
     eventually(page, lambda: len(sampled.picking.state.picks) == before)
     assert not open_page.errors

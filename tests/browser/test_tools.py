@@ -178,7 +178,10 @@ def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(
             type_label(page, end)
             form = entry(page, f"New length A to {end}")
             wrong = form.get_by_role("alert")
-            for typed, why in (("abc", "abc is no number"), ("12,001", "meant as 12.001 or 12001")):
+            for typed, why in (
+                ("abc", "abc is no number"),
+                ("1,500 mm", "meant as 1.500 mm or 1500 mm"),
+            ):
                 form.get_by_label("Length").fill(typed)
                 page.keyboard.press("Enter")
                 expect(wrong).to_contain_text(why)

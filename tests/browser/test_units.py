@@ -76,6 +76,7 @@ def test_lengths_are_read_and_typed_in_feet_and_inches(survey: Path, open_page: 
         click_mark(page, "R1")
         click_mark(page, "R3")
         form = page.get_by_role("form", name=re.compile("^New length"))
+        expect(form.get_by_label("Sigma, inches")).to_have_value(re.compile(r"^0\.\d{1,3}$"))
         form.get_by_label("Length, feet").fill("13' 2 1/2\"")
         expect(form).to_contain_text("= 4.026 m")
         form.get_by_label("Length, feet").fill("wide")

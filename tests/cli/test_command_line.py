@@ -333,9 +333,12 @@ def test_a_photo_or_log_in_place_of_a_project_leads_to_its_folder(
     photo.write_bytes(cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes())
     done = command(*words, photo)
     assert done.status == 1
-    assert "photo.jpg: is a photo: name the project file, or the folder of the ph" in done.stderr
+    assert "photo.jpg: is a photo: name the project file (project.yaml), or the fo" in done.stderr
     done = command(*words, repository / "logs" / "twin_short.BIN")
     assert "is no text file: name the project file" in done.stderr
+    text = tmp_path / "demo.out"
+    text.write_text("run: 3 of 4: done\n", encoding="utf-8")
+    assert "demo.out: is no project file: name the project file" in command(*words, text).stderr
 
 
 def test_an_option_without_its_value_says_which_it_takes(command: Command) -> None:
@@ -343,3 +346,5 @@ def test_an_option_without_its_value_says_which_it_takes(command: Command) -> No
         done = command("run", option)
         assert done.status == 2
         assert f"{option} takes a value after it: a4 or letter" in done.stderr
+    done = command("picks", "import", "gcp_list.txt")
+    assert "--output is missing: state it, with its value" in done.stderr

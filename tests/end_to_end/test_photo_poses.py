@@ -292,12 +292,14 @@ def test_log_and_poses_together_are_refused_with_the_line(
     project: Write, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "flight.bin").write_bytes(b"")
+    (tmp_path / "track.pos").write_text("% program : RTKPOST\n", encoding="utf-8")
     path = project("still", log="flight.bin")
+    path.write_text(path.read_text().replace("poses: exif", "poses: track.pos"))
 
     assert main(["check", str(path)]) == 1
     error = capsys.readouterr().err
     assert "project.yaml:" in error
-    assert "cannot stand beside `log`" in error
+    assert "cannot be used together with `log`" in error
 
 
 def test_heights_of_another_datum_are_refused_not_shifted(

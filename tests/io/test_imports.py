@@ -249,6 +249,22 @@ def test_exchanged_coordinates_are_told_by_the_systems_area_where_no_photo_is_th
         read_gcp_list(path, GcpSigmas(sigma_m=0.05))
 
 
+def test_degrees_in_a_system_of_metres_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, "WGS84 UTM 33N\n16.4759 47.6435 463 10 20 a.jpg A\n")
+    with pytest.raises(InputError, match=r":2: \(16.4759, 47.6435\) are degrees, .* UTM zone 33N"):
+        read_gcp_list(path, GcpSigmas(sigma_m=0.05))
+
+
+def test_picks_in_photos_that_are_not_there_are_left_out_and_counted(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(placed_jpeg(8.54, 47.31))
+    rows = "".join(f"8.55 47.3 400 1 1 {name}.jpg A\n" for name in "abc")
+    picks = read_gcp_list(write(tmp_path, f"EPSG:4326\n{rows}"))
+    assert picks.image == ("a.jpg",)
+    (message,) = picks.messages
+    assert message.code == "gcp-photos-absent"
+    assert "2 of 3 picks are left out" in message.text
+
+
 def test_numbers_behind_a_label_are_told_unless_they_are_sigmas(tmp_path: Path) -> None:
     path = write(tmp_path, HEAD + "691000 5334000 520 10 20 a.JPG A 1\n")
     (told,) = read_gcp_list(path).messages

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from uavgram.model.limits import comma_question, has_decimal_comma, replace_decimal_comma
+from uavgram.model.limits import (
+    comma_question,
+    has_decimal_comma,
+    number_hint,
+    replace_decimal_comma,
+)
 
 
 @pytest.mark.parametrize(
@@ -36,3 +41,17 @@ def test_what_may_be_thousands_is_asked_about(typed: str) -> None:
 def test_other_text_stays_as_it_is(typed: str) -> None:
     assert replace_decimal_comma(typed) == typed
     assert comma_question(typed) == ""
+
+
+@pytest.mark.parametrize(
+    ("typed", "way"),
+    [
+        ("NaN", "write a number, such as 12.5"),
+        ("9' 7\"", "write it in metres, 2.921 "),
+        ("13 ft 2.5 in", "write it in metres, 4.0259 "),
+        ("3 inches", "write it in metres, 0.0762 "),
+        ("13.2 px", "write the number alone"),
+    ],
+)
+def test_what_is_no_number_is_answered_with_the_way_to_write_it(typed: str, way: str) -> None:
+    assert way in number_hint(typed, "the column")

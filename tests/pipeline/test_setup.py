@@ -76,6 +76,23 @@ def test_a_project_that_is_there_is_changed_only_in_what_differs(folder: Path) -
     assert path.read_text() == text.replace("camera: unknown", "camera: camera.yaml")
 
 
+def test_photos_of_one_name_in_two_folders_are_two_kinds_of_which_one_is_chosen(
+    folder: Path,
+) -> None:
+    (first,) = inspect_folder(folder).photos
+    photos = sorted(folder.glob(first.pattern))
+    (folder / "again").mkdir()
+    shutil.copy(photos[0], folder / "again")
+    found = {one.pattern: one.kind for one in inspect_folder(folder).photos}
+    assert sorted(found.values()) == [0, 1]
+    with pytest.raises(UavgramError, match=r"same file name in several folders \(1 names") as why:
+        set_up(folder, SetupChoices(choices=Choices(), setup=Setup()))
+    assert all(pattern in str(why.value) for pattern in found)
+    choices = Choices(images=(first.pattern,))
+    path = set_up(folder, SetupChoices(choices=choices, setup=Setup()))
+    assert len(load_project(path, unfinished=True).images) == 1
+
+
 def test_a_log_is_left_out_taken_and_taken_back(folder: Path, data_dir: Path) -> None:
     shutil.copy(data_dir / "street_oblique" / "flight.tlog", folder)
     found = inspect_folder(folder)

@@ -79,7 +79,9 @@ def _describe_wrong_use(error: cyclopts.CycloptsError) -> str:
         said = f"{error.argument.name} is missing"
         if error.argument.name.startswith("-"):
             choices = " or ".join(error.argument.get_choices(force=True) or ())
-            said = f"{error.argument.name} takes a value after it{choices and f': {choices}'}"
+            is_typed = error.argument.name in (error.root_input_tokens or ())
+            need = "takes a value after it" if is_typed else "is missing: state it, with its value"
+            said = f"{error.argument.name} {need}{choices and f': {choices}'}"
     elif isinstance(error, cyclopts.CoercionError) and error.target_type is int and error.token:
         said = f"{error.token.keyword} takes a whole number, not {error.token.value!r}"
     command = " ".join(("uavgram", *(error.command_chain or ())))

@@ -12,7 +12,7 @@ from uavgram.config.strict_yaml import Document, KeyPath, Plain, format_key_path
 from uavgram.config.validation import Fault, format_value, validate
 from uavgram.errors import GeometryError, InputError, describe_non_file, suggest_spelling
 from uavgram.geometry.geodesy import normalise_crs
-from uavgram.input_files import binary_kind
+from uavgram.input_files import binary_kind, unread_format
 from uavgram.model.naming import BOARD_PLATE, SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
 
@@ -48,6 +48,9 @@ _NO_PATHS = {
 }
 
 
+NAME_PROJECT = "name the project file (project.yaml), or the folder of the photos"
+
+
 def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
     """Read a project file.
 
@@ -73,7 +76,12 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         wrong types, values out of range, input files that do not exist.
     """
     path = project_file(path).absolute()
-    document = read_yaml(path)
+    try:
+        document = read_yaml(path)
+    except InputError as fault:
+        if path.suffix.lower() in {".yaml", ".yml"}:
+            raise
+        raise InputError(path, f"is no project file: {NAME_PROJECT}") from fault
     data = document.data
     missing: tuple[Fault, ...] = ()
     if isinstance(data, dict):
@@ -89,6 +97,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
             _find_missing_files(data, path.parent, keys)
             + _find_unsuitable_crs(data)
             + _find_invalid_board(data)
+            + _find_unread_poses(data, path.parent)
         )
         missing += wrong_units
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
@@ -122,7 +131,7 @@ def project_file(path: str | Path) -> Path:
     path = Path(path)
     if not path.is_dir():
         if kind := binary_kind(path):
-            raise InputError(path, f"is {kind}: name the project file, or the folder of the photos")
+            raise InputError(path, f"is {kind}: {NAME_PROJECT}")
         return path
     file = path / PROJECT_FILE
     if not file.exists():
@@ -188,6 +197,18 @@ def _find_unsuitable_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
     except GeometryError as fault:
         return (Fault(("crs",), str(fault)),)
     return ()
+
+
+def _find_unread_poses(data: dict[str, Plain], folder: Path) -> tuple[Fault, ...]:
+    """Find files of poses in formats without a reader."""
+    poses = data.get("poses")
+    names = [name for name in (poses if isinstance(poses, list) else [poses]) if name]
+    kinds = {name: unread_format(folder / name) for name in names if isinstance(name, str)}
+    return tuple(
+        Fault(("poses",), f"{name} is a {kind.name}, which is not read: {kind.way_out}")
+        for name, kind in kinds.items()
+        if kind
+    )
 
 
 def _expand_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, ...]]:

@@ -11,7 +11,7 @@ import stat
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from uavgram.errors import InputError, OutputError, describe_non_file
+from uavgram.errors import InputError, OutputError, describe_non_file, describe_unread
 from uavgram.model.limits import escape_unshowable, find_unshowable
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.tables import FrameResults
@@ -302,7 +302,7 @@ def digest_file(path: str | Path, folder: str | Path | None = None) -> InputDige
             sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
             size = os.fstat(stream.fileno()).st_size
     except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+        raise InputError(path, describe_unread(fault)) from fault
     name = str(path) if folder is None else find_relative_name(path, folder)
     return InputDigest(path=name, sha256=sha256, size_bytes=size)
 

@@ -260,6 +260,36 @@ def group_photos(
     return grouped, unusable
 
 
+def number_kinds(groups: Iterable[PhotoGroup]) -> tuple[int, ...]:
+    """Return the kind of each group; photos of one kind have one size, and different file names.
+
+    Parameters
+    ----------
+    groups
+        Groups of photos.
+
+    Returns
+    -------
+    tuple[int, ...]
+        Kind of each group, from 0.
+    """
+    kinds: list[tuple[tuple[int, int], set[str]]] = []
+    numbers = []
+    for group in groups:
+        names = {path.name for path in group.files}
+        fitting = (
+            k
+            for k, (size, taken) in enumerate(kinds)
+            if size == group.size_px and not names & taken
+        )
+        kind = next(fitting, len(kinds))
+        if kind == len(kinds):
+            kinds.append((group.size_px, set()))
+        kinds[kind][1].update(names)
+        numbers.append(kind)
+    return tuple(numbers)
+
+
 def _files(folder: Path) -> Iterable[Path]:
     def refuse(fault: OSError) -> None:
         raise InputError(fault.filename or folder, f"cannot be read: {fault.strerror}") from fault

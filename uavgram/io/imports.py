@@ -112,6 +112,8 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
         text = f"{path.name}: picks without a label were named by their coordinates, gcp-1 and on"
         messages.append(Message("info", "gcp-without-labels", text))
     _check(path, rows)
+    rows, absent = _leave_absent_out(path, rows)
+    messages += absent
     if sigmas is None or not sigmas.in_columns:
         messages += _unused_numbers(path, rows)
     known = None
@@ -229,6 +231,22 @@ def _beside(path: Path, images: set[str]) -> Iterator[Path]:
     for image in sorted(images):
         yield path.parent / image
         yield from path.parent.glob(f"*/{glob.escape(image)}")
+
+
+def _leave_absent_out(path: Path, rows: list[_Row]) -> tuple[list[_Row], list[Message]]:
+    """Leave out the picks in photos that are not beside the file, if others are."""
+    images = {row.image for row in rows}
+    there = {image for image in images if any(p.is_file() for p in _beside(path, {image}))}
+    if not there or there == images:
+        return rows, []
+    kept = [row for row in rows if row.image in there]
+    gone = sorted(images - there)
+    text = (
+        f"{path.name}: {len(rows) - len(kept)} of {len(rows)} picks are left out, as "
+        f"{len(gone)} of {len(images)} photos are not beside the file, such as {gone[0]}. "
+        "To use them, copy the photos there, and import once more into another file."
+    )
+    return kept, [Message("warning", "gcp-photos-absent", text, files=(path.name,))]
 
 
 def _outside(path: Path, rows: list[_Row]) -> list[tuple[int, str]]:

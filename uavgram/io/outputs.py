@@ -11,6 +11,7 @@ prevent this, as the first one would still hold it.
 from __future__ import annotations
 
 import errno
+import json
 import logging
 import os
 import shutil
@@ -22,8 +23,8 @@ from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from uavgram.errors import OutputError, UavgramError
-from uavgram.io.files import open_own, write_out
+from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.io.files import open_own, read_own, write_out
 
 if sys.platform == "win32":
     import msvcrt
@@ -33,6 +34,7 @@ else:
 log = logging.getLogger(__name__)
 
 LOCK = "pick.lock"
+JOURNAL = "pick-journal.jsonl"
 LONGEST_NOTE = 200
 
 _LOCKED_BYTE = 1 << 30
@@ -176,6 +178,37 @@ def is_locked(path: Path) -> bool:
     finally:
         os.close(handle)
     return False
+
+
+def check_saved(folder: Path) -> None:
+    """Refuse a project if a picking session ended before its changes were in the tables.
+
+    Parameters
+    ----------
+    folder
+        The project's output folder, with the journal of the session.
+
+    Raises
+    ------
+    InputError
+        With the way to save the changes.
+    """
+    path = folder / JOURNAL
+    if not path.is_file():
+        return
+    *lines, _ = read_own(path).split(b"\n")
+    try:
+        last = json.loads(lines[-1]) if lines else {"do": "saved"}
+        is_saved = last["do"] == "saved" or not last.get("resumed", True)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        is_saved = False  # the picking page moves a damaged journal aside
+    if not is_saved:
+        raise InputError(
+            path,
+            "holds picks and lengths of a picking session that ended before they were in the "
+            "tables, so a result would lack them. Open the project once with `uavgram pick`, which "
+            "saves them; or move this file away to go on without them",
+        )
 
 
 PREFIX = ".uavgram-unfinished-"

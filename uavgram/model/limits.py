@@ -141,7 +141,7 @@ def find_name_fault(name: str) -> str:
     return ""
 
 
-_IMPERIAL = re.compile(r"(\d+(?:\.\d*)?)\s*(ft|feet|foot|'|in|inch|inches|\"|yd)", re.IGNORECASE)
+_IMPERIAL = re.compile(r"(\d+(?:\.\d*)?)\s*(ft|feet|foot|'|inches|inch|in|\"|yd)", re.IGNORECASE)
 _SCALES_M = {
     **dict.fromkeys(("ft", "feet", "foot", "'"), FOOT_M),
     **dict.fromkeys(("in", "inch", "inches", '"'), FOOT_M / 12),
@@ -191,17 +191,19 @@ def number_hint(text: str, whose: str) -> str:
         return ": write it with one decimal point, and no comma"
     if digits.startswith("0") and digits.isdigit():
         return ": write it without the leading zero"
-    if in_metres := _metres(digits):
+    if digits and (in_metres := _metres(digits)):
         return f": write it in metres, {in_metres} (`uavgram pick` takes feet and inches too)"
     if digits[:1].isdigit() and (digits[-1].isalpha() or digits[-1] == "°"):
         return f": write the number alone, {whose}'s name says the unit"
-    return ""
+    return ": write a number, such as 12.5" if text else ""
 
 
 def _metres(text: str) -> str:
-    """Convert feet, yards or inches to metres: ``4.02336`` for ``13.2 ft``; empty otherwise."""
-    found = _IMPERIAL.fullmatch(text)
-    return "" if found is None else f"{float(found[1]) * _SCALES_M[found[2].lower()]:.7g}"
+    """Convert feet, yards, inches to metres: ``4.02336`` for ``13.2 ft``; empty otherwise."""
+    if _IMPERIAL.sub("", text).strip():
+        return ""
+    parts = _IMPERIAL.finditer(text)
+    return f"{sum(float(one[1]) * _SCALES_M[one[2].lower()] for one in parts):.7g}"
 
 
 def number_text(value: float) -> str:

@@ -418,7 +418,9 @@ class Project(_Options):
         if self.poses is None:
             return {}
         if self.log is not None:
-            return {"poses": (False, "cannot stand beside `log`: leave one of the two out")}
+            return {
+                "poses": (False, "cannot be used together with `log`: leave one of the two out")
+            }
         sources = self.pose_sources
         if not sources or "" in sources:
             return {"poses": (False, "must not be empty")}

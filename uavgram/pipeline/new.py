@@ -9,6 +9,7 @@ import errno
 import glob
 import os
 import shlex
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -19,7 +20,14 @@ from uavgram.config.project_text import ProjectText, project_text
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.input_files import UnusableFile, describe_files
 from uavgram.io.files import find_matching_files
-from uavgram.io.folders import FolderContents, PhotoGroup, TableRole, group_photos, search_folder
+from uavgram.io.folders import (
+    FolderContents,
+    PhotoGroup,
+    TableRole,
+    group_photos,
+    number_kinds,
+    search_folder,
+)
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import (
     PASSED_OVER,
@@ -133,12 +141,12 @@ def choose_photos(
             f"holds no {what} (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
             f"flight, or copy the photos there. {' '.join(texts)}".rstrip(),
         )
-    if len({group.size_px for group in groups}) > 1:
-        raise InputError(folder, _sizes(folder, groups))
+    if max(number_kinds(groups)):
+        raise InputError(folder, _kinds(folder, groups))
     return groups
 
 
-def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
+def _kinds(folder: Path, groups: Sequence[PhotoGroup]) -> str:
     """Describe the kinds of photos, and how to choose one."""
     patterns = [find_own_pattern(folder, group, groups) for group in groups]
     rows = "\n".join(
@@ -150,10 +158,15 @@ def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
     way = f"--images '{patterns[most]}'"
     if patterns.count(patterns[most]) > 1:
         way = f"--images with the names of one size, or '{groups[most].files[0].name}' alone"
-    return (
-        "holds photos of several sizes, and a project has one camera of one size:\n"
-        f"{rows}\nchoose, such as with {way}"
-    )
+    counts = Counter(path.name for group in groups for path in group.files)
+    twice = [name for name, count in counts.items() if count > 1]
+    why = "photos of several sizes, and a project has one camera of one size"
+    if twice:
+        why = (
+            f"photos of the same file name in several folders ({len(twice)} names, such as "
+            f"{twice[0]}), and a project tells photos apart by their file names"
+        )
+    return f"holds {why}:\n{rows}\nchoose, such as with {way}"
 
 
 def find_own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from uavgram.config.project import load_project, project_file
 from uavgram.errors import InputError, OutputError
-from uavgram.io.outputs import ProjectLock, replace_bytes
+from uavgram.io.outputs import ProjectLock, check_saved, replace_bytes
 from uavgram.io.tables.picks import EMPTY_TIES, count_made, update_ties
 from uavgram.io.tables.updates import update_picks
 from uavgram.model.message import Message
@@ -37,7 +37,7 @@ def lock_tables(project: Project, project_path: str) -> Iterator[None]:
     Raises
     ------
     UavgramError
-        One of them has the project open; with its process.
+        One of them has the project open, with its process; or ended without saving.
     OutputError
         The output folder, with the lock, cannot be written to.
     """
@@ -45,6 +45,7 @@ def lock_tables(project: Project, project_path: str) -> Iterator[None]:
     existed = folder.is_dir()
     lock = ProjectLock(folder, project_path)
     try:
+        check_saved(folder)
         yield
     finally:
         lock.release()

@@ -18,7 +18,13 @@ from uavgram.config.project import load_project
 from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
 from uavgram.input_files import describe_files
-from uavgram.io.folders import MAX_LOG_BYTES, FolderContents, PhotoGroup, search_folder
+from uavgram.io.folders import (
+    MAX_LOG_BYTES,
+    FolderContents,
+    PhotoGroup,
+    number_kinds,
+    search_folder,
+)
 from uavgram.io.imports import GcpSigmas
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.outputs import replace_text
@@ -83,6 +89,8 @@ class FoundPhotos:
         Angle of the camera below the horizon by the first; None where not stated.
     has_position
         Whether the first states its position.
+    kind
+        Number of its kind: a project takes photos of one kind, of one size and each name once.
     """
 
     pattern: str
@@ -93,6 +101,7 @@ class FoundPhotos:
     camera: str
     looks_deg: float | None
     has_position: bool
+    kind: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,7 +197,12 @@ def inspect_folder(folder: Path) -> FolderSummary:
     tables = (path for several in holdings.tables.values() for path in several)
     return FolderSummary(
         has_project=(folder / PROJECT).exists(),
-        photos=tuple(_photos(folder, group, holdings) for group in holdings.photos[:MAX_NAMES]),
+        photos=tuple(
+            _photos(folder, group, holdings, kind)
+            for group, kind in zip(
+                holdings.photos[:MAX_NAMES], number_kinds(holdings.photos), strict=False
+            )
+        ),
         cameras=tuple(_cameras(folder, holdings)),
         logs=_names(folder, holdings.logs),
         poses=_names(folder, holdings.poses),
@@ -208,7 +222,7 @@ def _names(folder: Path, paths: tuple[Path, ...]) -> tuple[str, ...]:
     return tuple(path.relative_to(folder).as_posix() for path in paths[:MAX_NAMES])
 
 
-def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundPhotos:
+def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents, kind: int) -> FoundPhotos:
     first = group.files[0]
     camera, poses = "", None
     try:
@@ -228,6 +242,7 @@ def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundP
         camera=camera,
         looks_deg=None if poses is None else _looks_deg(poses),
         has_position=poses is not None,
+        kind=kind,
     )
 
 

@@ -103,7 +103,9 @@ def test_every_quantity_of_the_table_is_read_in_our_units() -> None:
         (5.2, "reset of the position")
     ]
     assert log.undulation_m == 40.0
-    assert log.notes == ("1 camera trigger without a photo that the camera confirmed (image 2)",)
+    assert log.notes == (
+        "1 camera trigger not confirmed by the camera: perhaps there is no photo (image 2)",
+    )
 
 
 def test_what_the_format_does_not_state_is_none() -> None:

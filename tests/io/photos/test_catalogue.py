@@ -223,8 +223,10 @@ def test_a_name_that_does_not_fit_the_pattern_states_no_time(photo: Photo, tmp_p
 def test_two_photos_of_one_name_are_refused(photo: Photo, tmp_path: Path) -> None:
     photo("one/a.jpg")
     photo("two/a.jpg")
-    with pytest.raises(InputError, match="has the name of"):
-        read_photos((str(tmp_path / "*" / "a.jpg"),), TimeOptions())
+    photo("one/b.jpg")
+    photo("two/b.jpg")
+    with pytest.raises(InputError, match=r"has the name of .*one.a.jpg, and 1 more photos"):
+        read_photos((str(tmp_path / "*" / "*.jpg"),), TimeOptions())
 
 
 def test_one_photo_in_two_patterns_counts_once(photo: Photo, tmp_path: Path) -> None:

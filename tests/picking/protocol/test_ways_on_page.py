@@ -24,7 +24,7 @@ from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
         ("Set --fix-aspect, or take photos rolled.", "Take photos rolled."),
         (
             "To confirm it, write `free` as the height_m of its picks, or the height.",
-            "To confirm it, free its height (Q), or the height.",
+            "To confirm it, let its height be found from the photos (key Q), or enter it.",
         ),
         (
             "State the camera's direction in `mount`. Tape L1 again.",

@@ -17,8 +17,9 @@ from open_projects import ask, change, opened
 from pick_pages import HEIGHT, WIDTH, Page, Server, running, small_project
 from websockets.exceptions import ConnectionClosed
 
+from uavgram.errors import InputError
 from uavgram.io.tables.picks import read_picks
-from uavgram.io.tables.updates import update_picks
+from uavgram.io.tables.updates import create_table, update_picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command, RefusedError
 from uavgram.picking.document.history import Session, apply
@@ -27,6 +28,8 @@ from uavgram.picking.protocol.encode_survey import state_json
 from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 from uavgram.picking.storage.journal import Journal, SetAside, list_changes, load_journal
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.new import PICKED
 
 KILLS = 20
 SAVE_AFTER_S = 0.05  # sooner than for people, so that many kills fall into the writing
@@ -229,10 +232,11 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path: Path) -
     confirmed, recoveries = 0, 0
     expected: list[Json] = []
     for _ in range(KILLS):
+        tables = _tables(tmp_path)  # before what was lost is saved by opening
         server = Server(project, SAVE_AFTER_S)
         try:
             with Page(server) as page:
-                model = Model(page.initial_state, _tables(tmp_path))
+                model = Model(page.initial_state, tables)
                 assert not expected or model.state in expected
                 recoveries += page.initial_state["recovered"]
                 last = _work_until_killed(page, model, rng, server)
@@ -251,30 +255,32 @@ def test_twenty_kills_lose_nothing_that_the_page_had_confirmed(tmp_path: Path) -
     assert recoveries > KILLS / 3
 
 
-def test_undo_after_a_recovery_goes_to_the_tables_and_survives_a_second_kill(
+def test_a_recovery_is_saved_by_opening_can_be_undone_and_survives_a_second_kill(
     tmp_path: Path,
 ) -> None:
     project = small_project(tmp_path)
+    for name, header in PICKED.items():
+        (tmp_path / f"{name}.csv").write_bytes(create_table(header, ()))
     server = Server(project)
     with Page(server) as page:
         page.do("place", image=0, label="A", u_px=10.25, v_px=20.5)
         page.do("place", image=0, label="B", u_px=11, v_px=21)
         server.kill()
-    server = Server(project)
-    with Page(server) as page:
-        page.do("place", image=1, label="C", u_px=30, v_px=40)
-        page.do("undo")
-        server.kill()
+    with pytest.raises(InputError, match="ended before they were in the tables"):
+        read_inputs(project, unpicked=True)
     server = Server(project)
     with Page(server) as page:
         assert page.initial_state["recovered"]
-        assert [pick["label"] for pick in page.initial_state["state"]["picks"]] == ["A", "B"]
         codes = [message["code"] for message in page.initial_state["messages"]]
         assert "pick-recovered" in codes
-        page.do("undo")  # back to what the tables hold
+        assert set(read_inputs(project).picks.label) == {"A", "B"}  # by opening alone
+        page.do("undo")  # back to what the tables held
+        page.do("redo")
+        page.do("place", image=1, label="C", u_px=30, v_px=40)
+        page.do("undo")
         server.kill()
     with running(project) as server, Page(server) as page:
-        assert page.initial_state["state"]["picks"] == []
+        assert [pick["label"] for pick in page.initial_state["state"]["picks"]] == ["A", "B"]
         assert not page.initial_state["recovered"]
 
 

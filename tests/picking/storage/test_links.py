@@ -10,10 +10,10 @@ import pytest
 from pick_pages import PROJECT, small_project
 
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.io.outputs import LOCK
+from uavgram.io.outputs import JOURNAL, LOCK
 from uavgram.picking.document import commands as c
 from uavgram.picking.session.outputs import FILES, RECORDING, RESULTS, Outputs
-from uavgram.picking.storage.journal import JOURNAL, find_oldest
+from uavgram.picking.storage.journal import find_oldest
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.run import run

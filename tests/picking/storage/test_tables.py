@@ -16,7 +16,7 @@ import pytest
 from pick_pages import Page, RefusedToStartError, Server, running, small_project
 
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.io.outputs import LOCK, ProjectLock
+from uavgram.io.outputs import JOURNAL, LOCK, ProjectLock
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
@@ -24,7 +24,7 @@ from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.parse import Message
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.session.workers import Task
-from uavgram.picking.storage.journal import JOURNAL, Journal, load_journal
+from uavgram.picking.storage.journal import Journal, load_journal
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey

@@ -384,8 +384,12 @@ def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
     assert message.text.startswith(
         "'near' is not checked: a wrong click on P0 would not be noticed"
     )
-    assert message.text.endswith("Mark P0 in one more photo, or click it again.")
-    assert message.plain == "Not checked: mark P0 in one more photo, or click it again."
+    action = (
+        "lick P0 yourself in one more photo, or click it again; what the program found from a "
+        "click repeats it, and checks nothing."
+    )
+    assert message.text.endswith(f"C{action}")
+    assert message.plain == f"Not checked: c{action}"
     assert judged.verdict(message)[1] == ("not-checked", "ok")
     worst = judged.examined.weakest[0].unseen[0]
     assert worst.member.kind == "pixels"

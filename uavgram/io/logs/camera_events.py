@@ -182,7 +182,9 @@ def _notes(events: CameraEvents) -> tuple[str, ...]:
     if untimed.any() and not untimed.all():
         missed = _join_numbers(events.image_number[untimed].tolist())
         several = format_count(int(untimed.sum()), "camera trigger")
-        notes.append(f"{several} without a photo that the camera confirmed (image {missed})")
+        notes.append(
+            f"{several} not confirmed by the camera: perhaps there is no photo (image {missed})"
+        )
     if events.repeated:
         notes.append(
             f"{len(events.repeated)} image numbers occur more than once in {events.source}: "

@@ -261,6 +261,7 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
         named without a pattern may be missing, and those that are left out.
     """
     found: dict[str, Path] = {}
+    twice: dict[Path, Path] = {}
     own_names = {*left_out, *map(glob.escape, left_out)}
     wanted = [pattern for pattern in patterns if Path(pattern).name not in own_names]
     there = [pattern for pattern in wanted if glob.has_magic(pattern) or os.path.lexists(pattern)]
@@ -278,9 +279,16 @@ def find_photos(patterns: tuple[str, ...], left_out: Collection[str] = ()) -> li
             check_name(path)
             other = found.setdefault(path.name, path)
             if other.resolve() != path.resolve():
-                raise InputError(
-                    path, f"has the name of {other}; picks name photos by it: rename one"
-                )
+                twice[path] = other
+    if twice:
+        (path, other), *more = twice.items()
+        others = f", and {len(more)} more photos have names that occur twice" if more else ""
+        raise InputError(
+            path,
+            f"has the name of {other}{others}; a project tells photos apart by their file names. "
+            "Let `images` name one of the folders, and make a project of its own for the other "
+            "one, or rename the photos",
+        )
     if not found:
         raise InputError(patterns[0], "all of its photos are left out: correct `leave_out`")
     return [found[name] for name in sorted(found)]
@@ -320,8 +328,8 @@ def _times(
         messages.append(Message("warning", "photo-without-time", text))
     if source == "exif" and not any(reading.zoned for reading in readings):
         text = (
-            "EXIF states no time zone: its times were read as UTC; "
-            "time.offset_s (camera clock minus UTC) has to take the zone off"
+            "The photos state no time zone, so their times were read as UTC. If the camera showed "
+            "local time, time.offset_s has to contain the zone: 7200 for a clock 2 h ahead of UTC."
         )
         messages.append(Message("info", "photo-zone-unknown", text))
     return readings, source, tuple(messages)

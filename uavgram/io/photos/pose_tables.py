@@ -139,6 +139,7 @@ def convert_to_geodetic(
         Names the line of an impossible place, and of one that is far from the photos but near them
         with x and y exchanged; without a site the same test uses the system's area of use.
     """
+    _check_not_degrees(path, crs, xyz, line)
     flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
     to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
     longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
@@ -165,6 +166,17 @@ def convert_to_geodetic(
             line[k],
         )
     return latitude, longitude
+
+
+def _check_not_degrees(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> None:
+    """Refuse degrees in a system of metres, of which they would be places far off."""
+    small = (np.abs(xyz[:, :2]) <= (360.0, 90.0)).all(axis=1) & (xyz[:, :2] % 1 != 0).any(axis=1)
+    if crs.is_projected and small.all():
+        text = (
+            f"({xyz[0, 0]:g}, {xyz[0, 1]:g}) are degrees, but the file names the coordinate system "
+            f"{crs.name}, in metres: write EPSG:4326 there, or the coordinates in metres"
+        )
+        raise InputError(path, text, line[0])
 
 
 _COUNTS = (4, 7, 9)  # cells including the name: up to the height, the angles, the accuracies

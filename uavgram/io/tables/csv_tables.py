@@ -40,6 +40,7 @@ from uavgram.model.limits import (
     range_of,
     replace_decimal_comma,
 )
+from uavgram.model.naming import join_names
 
 _LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
@@ -445,7 +446,10 @@ def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
         if header.count(name) > 1
     ]
     missing = [name for name in columns.required if name not in header]
-    faults += [f"column {name!r} is missing: the header must have it" for name in missing]
+    there = join_names(name or "an empty name" for name in header)
+    faults += [
+        f"column {name!r} is missing: the header must have it (it has {there})" for name in missing
+    ]
     absent = [name for name in columns.known if name not in header]
     for name in dict.fromkeys(header):
         if name in columns.known:

@@ -453,7 +453,7 @@ FOUND_CAUSES = (
         is_of_log=True,
         part_of="gimbal-off",
         order=Order.CAUSE_OF_ALL,
-        one="The camera looks in another direction than the project states.",
+        one="The camera's direction does not agree with `mount` in the project.",
     ),
     Entry(
         "gimbal-off",
@@ -473,7 +473,7 @@ FOUND_CAUSES = (
         ),
         effect=Effect.AMBER,
         order=Order.CAUSE_OF_ALL,
-        one="The camera looks in another direction than log, photos or project state.",
+        one="The camera's direction does not agree with the log, the photos or the project.",
     ),
     Entry(
         "heights-off",

@@ -114,8 +114,11 @@ NEW_PROJECT = (
     Entry(
         "pick-recovered",
         WARNING,
-        finding="An earlier session ended without saving. Its confirmed changes were taken over.",
-        action="To go back to the tables, use Undo.",
+        finding=(
+            "An earlier session ended without saving. Its confirmed changes were recovered and "
+            "saved."
+        ),
+        action="To go back to the tables as they were before, use Undo.",
     ),
     Entry(
         "pick-not-recovered",
@@ -238,6 +241,13 @@ IMPORTS = (
         finding="A gcp_list.txt has one place at two heights, under two labels or none.",
         consequence="Its picks belong to two points, and nothing ties them together.",
         action="If it is one point, correct its height and give it one label.",
+    ),
+    Entry(
+        "gcp-photos-absent",
+        WARNING,
+        finding="A gcp_list.txt names photos that are not in its folder, beside some that are.",
+        consequence="The picks in the missing photos are left out.",
+        action="Copy the photos beside the file, and import it once more into another picks.csv.",
     ),
     Entry(
         "gcp-zero-heights",

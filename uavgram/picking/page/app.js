@@ -96,7 +96,10 @@ class App {
 
   /** @param {ServerMessage} message @param {Change | null} answered the change answered by it */
   received(message, answered) {
-    if (message.t === "closed") goOn();
+    if (message.t === "closed") {
+      if (!store.closing) keep({ gone: store.project });
+      goOn();
+    }
     if (message.t === "refused") {
       this.notice.show(message.why);
       this.refused(answered);
@@ -146,9 +149,17 @@ class App {
     this.header.showProject();
     if (!this.panes.all.length) this.resume();
     else for (const pane of this.panes.all) pane.show(pane.image);
-    if (store.recovered) this.notice.show("Recovered what the last session confirmed and could not save.", true);
+    this.sayWhatIsGone();
+    if (store.recovered) this.notice.show("The last session ended without saving. What it had confirmed was recovered, and is saved now.", true);
     this.tools.suggest();
     byId("panes").dataset.ready = "true";
+  }
+
+  // Another tab, or the terminal, opened another project: says so in a tab that showed the former one.
+  sayWhatIsGone() {
+    const { gone = store.project } = kept();
+    keep({ gone: store.project });
+    if (gone !== store.project) this.notice.show(`The project ${gone} was saved and closed, as ${store.project} was opened in another tab or from the terminal. To return to ${gone}, choose its folder there.`);
   }
 
   keep() {

@@ -42,7 +42,10 @@ WAYS = tuple(
         (r"Set --fix-aspect, or take", "Take"),
         (r" \(--coefficients auto chooses\)", ""),
         (r"state --control-sigma-m\b", "state how well the points are known (±)"),
-        (r"write `free` as (?:the )?height_m of (its|their) picks", r"free \1 height (Q)"),
+        (
+            r"write `free` as (?:the )?height_m of (its|their) picks(?:, or the heights?)?",
+            r"let \1 height be found from the photos (key Q), or enter it",
+        ),
         (r"write `auto` into `mount`", "choose 'As recorded' as the `mount`"),
     )
 )

@@ -88,10 +88,10 @@ class PickSession:
         )
         self.index = {photo.name: k for k, photo in enumerate(self.photos)}
         files = make_state(inputs.picks, inputs.lines, inputs.requests)
-        self.recovered = saver.recovered
         self.session = Session(state=files)
-        if self.recovered is not None and self.recovered != files:
-            self.session = Session(state=self.recovered, past=(files,))
+        self.is_recovered = saver.recovered is not None and saver.recovered != files
+        if saver.recovered is not None and self.is_recovered:
+            self.session = Session(state=saver.recovered, past=(files,))
         self.version = 0
         self.fault = ""
         self._last_message: m.FullLive | None = None
@@ -121,7 +121,8 @@ class PickSession:
         return self.session.state
 
     def open(self) -> None:
-        """Start: adjust the present state, and decode the photo that a page shows first."""
+        """Start: save what was recovered, adjust, and decode the photo that a page shows first."""
+        self.save()
         self._tiled.read_ahead(self._find_most_picked_photo())
         self._live.start()
         self._search.start()
@@ -176,7 +177,7 @@ class PickSession:
             ),
             "control_lines": control_lines_json(inputs),
             "expected": self._predict_places(),
-            "recovered": self.recovered is not None,
+            "recovered": self.is_recovered,
             "messages": messages_json(
                 (
                     *damaged,

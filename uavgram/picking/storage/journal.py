@@ -27,12 +27,11 @@ from typing import Any, get_args
 from uavgram.errors import OutputError, UavgramError
 from uavgram.io.files import open_own, read_own
 from uavgram.io.json_codec import parse_json
+from uavgram.io.outputs import JOURNAL
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.state import Line, Pick, State
-
-JOURNAL = "pick-journal.jsonl"
 
 Digests = Mapping[str, str | None]
 """SHA-256 of each table by its role; None where there is no file."""
@@ -137,8 +136,8 @@ class Journal:
 
     def _cannot(self, fault: OSError) -> OutputError:
         return OutputError(
-            f"{self.path}: cannot be written ({fault.strerror}), so nothing more is taken: make "
-            "room or give the right to write, then go on"
+            f"{self.path}: cannot be written ({fault.strerror}), so no further change is accepted. "
+            "Free some space, or allow this folder to be written to, then repeat the change"
         )
 
 

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.files import check_inside, check_own, digest_file
-from uavgram.io.outputs import ProjectLock, replace_bytes
+from uavgram.io.outputs import JOURNAL, ProjectLock, replace_bytes
 from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
@@ -27,7 +27,7 @@ from uavgram.io.tables.updates import update_lines, update_measure, update_picks
 from uavgram.model.message import Message
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.state import State, make_observations, make_state
-from uavgram.picking.storage.journal import JOURNAL, Journal, JournalContent, load_journal
+from uavgram.picking.storage.journal import Journal, JournalContent, load_journal
 from uavgram.pipeline.measure.inputs import Inputs
 
 log = logging.getLogger(__name__)
@@ -230,14 +230,14 @@ class Tables:
         if left.session is None or not left.unsaved:
             return None
         state = left.session.state
-        if state == self._files:
-            return None
+        if state == self._files:  # only the note that they are saved is missing
+            return state
         if reason := self._explain_refusal(left, photos):
             self._put_aside(journal, reason)
             return None
         text = (
-            "An earlier session ended without saving; what it had confirmed was taken from its "
-            "journal. Undo goes back to what the tables hold."
+            "An earlier session ended without saving. What it had confirmed was taken from its "
+            "journal and saved. Undo goes back to what the tables held before."
         )
         self.messages = (Message("warning", "pick-recovered", text),)
         return state

@@ -20,6 +20,7 @@ from uavgram.imaging.photos.decoding import is_same_exposure
 from uavgram.input_files import UnusableFile
 from uavgram.io.files import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
+from uavgram.io.outputs import LOCK, check_saved, is_locked
 from uavgram.io.photos.catalogue import MAX_NAMED, UnusablePhotosError, list_absent, read_photos
 from uavgram.io.photos.metadata import exif_text, read_camera_tags, read_exif_tags
 from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_pose_sources
@@ -233,7 +234,9 @@ def read_inputs(
     """
     path = project_file(path)
     project = load_project(path, unfinished=unfinished)
-
+    output = Path(project.output)
+    if not unfinished and not is_locked(output / LOCK):  # an open page saves its picks itself
+        check_saved(output)
     picks_file, lines_file, measure_file = (
         None if name and unfinished and not Path(name).is_file() else name
         for name in (project.picks, project.lines, project.measure)
@@ -418,7 +421,7 @@ def _control_lines(project: Project, known: KnownThings) -> ControlLines:
     lines = read_control_lines(project.control_lines)
     for name in lines.name:
         if name in known.name:
-            text = f"line {name!r} is called like a known thing: rename one of them"
+            text = f"line {name!r} has the name of a known thing: give one of them another name"
             raise InputError(project.control_lines, text)
     return lines
 

@@ -124,11 +124,13 @@ def _message(
         what = f"a wrong {'click on' if kind == 'pixels' else 'height of'} {either}"
         it = "them" if len(labels) > 1 else "it"
         named = join_names(labels, MAX_NAMED)
-        action = f"Mark {named} in one more photo, or click {it} again"
+        action = f"Click {named} yourself in one more photo, or click {it} again"
         if kind == "heights":
             action = f"Mark {named} in one more photo, from another side"
         elif len(examined.adjustment.survey.frame_id) == 1:
-            action = f"Click {named} again, or mark {it} in one more photo"
+            action = f"Click {named} again, or click {it} yourself in one more photo"
+        if kind == "pixels":
+            action += "; what the program found from a click repeats it, and checks nothing"
         plain = f"Not checked: {action[0].lower()}{action[1:]}."
     else:
         what = f"an error in the {examined.names.observation(worst.member)}"
@@ -154,7 +156,7 @@ def _numbers(examined: TestedSurvey, row: int, worst: UndetectedError) -> str:
     measured, member = examined.measured, worst.member
     what = f"the {examined.names.observation(member)}"
     if worst.sigmas > UNDETECTABLE_SIGMAS:
-        return f"an error of any size in {what} stays hidden"
+        return f"however large an error in {what} is, no test shows it"
     unit, factor = examined.names.unit(member)
     size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
     return (

@@ -18,8 +18,7 @@ export class Clicks {
   /** @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
   at(pane, u, v, sigma_px) {
     const { names, notice, question, rebuild, state } = this.tools;
-    if (this.tools.again.takes(pane, u, v)) return;
-    if (this.waits()) return;
+    if (this.waits() || this.tools.again.takes(pane, u, v)) return;
     this.tools.leave(true);
     const { image } = pane;
     const near = marksNear(pane, u, v, names.coming);
@@ -52,12 +51,18 @@ export class Clicks {
     if (!this.waits()) this.tools.clickedMark(label);
   }
 
-  // A click does nothing before a question about an earlier one is answered, and says so: neither is lost unseen.
+  // A click does nothing before a question about an earlier one is answered, or while the reading of the line drawn
+  // last has a fault, and says so: neither is lost unseen, and no reading goes to another line.
   waits() {
-    const { notice, question } = this.tools;
-    if (!question.isOpen) return false;
-    question.insist();
-    notice.show("This click marked nothing: answer the question first, by a click, or by an arrow key and Enter. Esc answers none.");
+    const { notice, question, state } = this.tools;
+    this.tools.typedNumbers.stray = "";
+    const isFaulty = !question.isOpen && !this.tools.settleEntry();
+    if (question.isOpen) question.insist();
+    else if (!isFaulty) {
+      state.entry = null; // an unchanged form of an earlier line takes no later reading
+      return false;
+    }
+    notice.show(`This click marked nothing: ${isFaulty ? "correct the form at the side first, then click again. Esc drops the form." : "answer the question first, by a click, or by an arrow key and Enter. Esc answers none."}`);
     return true;
   }
 

@@ -1,7 +1,6 @@
 // The keyboard. Keys are initial letters where possible; they are ignored while text is typed.
 
 import { as, byId } from "../elements/dom.js";
-import { NUMERAL } from "../elements/numbers.js";
 import { mayBecomeLength } from "../elements/units.js";
 import { toggleStretch } from "../photos/tone.js";
 import { stepTone } from "../photos/tone_control.js";
@@ -61,7 +60,7 @@ export function listenToKeys(acted) {
   window.addEventListener("keydown", (event) => {
     if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
     if (closesHelp(event)) event.preventDefault();
-    else if (!isTyped(event) && !isForForm(acted, event) && (acted.tools.question.answers(event) || (isOfNumber(event) && acted.tools.keepFromShortcut(event.key)) || handle(acted, event))) event.preventDefault();
+    else if (!isTyped(event) && isTaken(acted, event)) event.preventDefault();
   });
   window.addEventListener("keyup", ({ key }) => { if (key === " ") acted.state.spaceHeld = false; });
   window.addEventListener("blur", () => { acted.state.spaceHeld = false; });
@@ -139,12 +138,13 @@ function choosesTool({ key, ctrlKey, altKey, metaKey }, target) {
   return /^[a-z]$/i.test(key) && Object.values(TOOLS).some((tool) => tool.key === key.toLowerCase()) && !mayBecomeLength(target.value + key);
 }
 
-// A number typed while a form waits for one belongs to it, regardless of the focus: the key is passed to the field.
+// Carries out a key, or keeps it from acting. One that an open form takes is left to the browser, which types it there.
 /** @param {Acted} acted @param {KeyboardEvent} event */
-const isForForm = ({ tools }, event) => isOfNumber(event) && tools.toNumber();
-
-/** @param {KeyboardEvent} event */
-const isOfNumber = ({ key, ctrlKey, altKey, metaKey }) => NUMERAL.test(key) && !ctrlKey && !altKey && !metaKey;
+function isTaken(acted, event) {
+  const { question, typedNumbers } = acted.tools;
+  const where = question.isOpen && question.answers(event) ? "nowhere" : typedNumbers.takes(event);
+  return where === "nowhere" || (!where && handle(acted, event));
+}
 
 // Yields the names of a key in the tables above.
 /** @param {KeyboardEvent} event */

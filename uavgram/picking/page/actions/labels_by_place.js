@@ -98,7 +98,7 @@ export class LabelsByPlace {
   free(given = this.inBox) {
     const prefix = given.replace(/\d*$/, "") || "P";
     const coming = this.link.unconfirmed.flatMap((one) => (one.t === "place" ? [one.label] : one.t === "split" || one.t === "rename" ? [one.new] : []));
-    return freeName(prefix, new Set([...namedLabels(), ...coming]));
+    return freeName(prefix, new Set([...namedLabels(), ...[...store.lines, ...store.measurements].map(({ name }) => name), ...coming]));
   }
 
   // Returns the label in the field, whether it can be placed in a photo, and else another one.
@@ -165,7 +165,7 @@ export class LabelsByPlace {
     if (this.orders.get(image) === "again") return { label, say: `This is ${label}: it comes next.`, instead: free };
     /** @type {Choice[]} */
     const choices = this.choices([label]).map((choice) => ({ ...choice, order: choice.isNew ? "new" : "again" }));
-    return { words: `Is this ${label} again? Nothing tells yet exactly where it is in this photo. The next clicks follow in the same order.`, choices };
+    return { words: `Is this ${label} again? The program cannot compute yet where it is in this photo, so choose. The next clicks follow in the same order.`, choices };
   }
 
   /** @param {Click} click @param {string} name @param {ReturnType<typeof nearness>[]} here @param {string[]} likely @returns {Given | Unclear} */

@@ -2,7 +2,7 @@
 
 import { labels, pickAt, placeOf, predictedIn, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
-import { inputIn } from "./tools.js";
+import { inputIn } from "./typed_numbers.js";
 import { bringTies, tiesIn } from "../photos/ties.js";
 
 /** @import { Notice } from "../elements/notice.js" */
@@ -128,7 +128,7 @@ export class Navigation {
     const { active: pane } = this.panes;
     if (!pane) return;
     const expected = predictedIn(pane.image).find((one) => one.label === label);
-    if (!expected && !pickAt(pane.image, label)) this.notice.show(`Nothing says where ${label} is in ${pane.photo.name}.`);
+    if (!expected && !pickAt(pane.image, label)) this.notice.show(`Where ${label} is in ${pane.photo.name} cannot be computed yet: click it there, or look for it in another photo.`);
     else pane.goTo(label, Math.max(pane.view.scale, 2));
   }
 

@@ -86,7 +86,7 @@ export class Proposals {
     const here = proposals().filter(({ image }) => image === active.image);
     const one = proposalAt(active.image, this.state.selected ?? this.tools.label) ?? (here.length === 1 ? here[0] : undefined);
     if (one) this.acceptHere(active, one.label);
-    else this.notice.show(here.length ? "Choose which, by N and B or in the table." : "Nothing was found in this photo that is not accepted.", true);
+    else this.notice.show(here.length ? "Several points were found in this photo: choose one, by N and B or in the table." : "No point found by the program is left to accept in this photo. To mark a point, click it.", true);
   }
 
   /** All of the selected point, or all in this photo. @param {boolean} inPhoto */
@@ -94,7 +94,7 @@ export class Proposals {
     const { active } = this.panes;
     const some = inPhoto ? this.inPhoto(active?.image) : this.ofLabel(this.state.selected);
     if (some.length) this.accept(some);
-    else this.notice.show(`Nothing was found ${inPhoto ? "in this photo" : "of this point in other photos"} that is not accepted.`, true);
+    else this.notice.show(`No find of the program is left to accept ${inPhoto ? "in this photo" : "of this point in other photos"}. To mark a point, click it.`, true);
     return true;
   }
 

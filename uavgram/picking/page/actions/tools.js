@@ -3,6 +3,7 @@
 import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
 import { Question } from "../elements/question.js";
+import { roundSmall } from "../elements/units.js";
 import { distanceMessage, entryMessage, formToTake, isUnread, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
@@ -15,6 +16,7 @@ import { LabelEdits } from "./label_edits.js";
 import { LabelsByPlace } from "./labels_by_place.js";
 import { Offers } from "./undo_notice.js";
 import { showTool } from "./tool_menu.js";
+import { inputIn, TypedNumbers } from "./typed_numbers.js";
 
 /** @import { Change, Kind, Line, Measurement, SetLine, SetMeasurement } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/socket.js" */
@@ -52,6 +54,8 @@ export class Tools {
     this.names = new LabelsByPlace({ state, link, box: this.box });
     this.question = new Question((isAnswered) => this.answered(isAnswered), (key) => notice.show(`${key} was not used: answer the question first, by a click, or by an arrow key and Enter.`));
     this.offers = new Offers({ link, notice });
+    this.typedNumbers = new TypedNumbers(this);
+    this.isRefused = false; // whether the last click could not be the next point of a drawing
     this.edits = new LabelEdits({ tools: this, question: this.question, notice });
     this.clicks = new Clicks(this);
     this.again = new Again(this);
@@ -67,6 +71,7 @@ export class Tools {
   setTool(tool) {
     this.question.cancel();
     if (!this.settleEntry()) return; // its fault is shown
+    this.isRefused = false;
     Object.assign(this.state, { tool, draft: [], entry: null, drawsIn: null });
     showTool(tool);
     this.rebuild();
@@ -120,7 +125,7 @@ export class Tools {
   // Cleans up after a question.
   /** @param {boolean} isAnswered */
   answered(isAnswered) {
-    if (this.state.asked && !isAnswered) this.notice.show("Not answered: nothing was marked at the ring.", true);
+    if (this.state.asked && !isAnswered) this.notice.show("The question was not answered, so nothing was marked at the ring. To mark the point, click there again.", true);
     this.state.asked = null;
     this.rebuild();
     this.panes.active?.focus();
@@ -169,6 +174,7 @@ export class Tools {
     const { draft, tool } = this.state;
     const { most } = TOOLS[tool];
     const why = this.faultOf(label);
+    this.isRefused = Boolean(why);
     if (why) {
       this.notice.show(why);
       return;
@@ -212,7 +218,7 @@ export class Tools {
   /** @param {string} start @param {string} end */
   askLength(start, end) {
     const name = freeName("L", new Set(this.namesOf("line")));
-    this.ask({ t: "line", start, end, name, sigma_m: this.state.lastSigmaM ?? store.readingSigmaM });
+    this.ask({ t: "line", start, end, name, sigma_m: this.state.lastSigmaM ?? roundSmall(store.readingSigmaM) });
   }
 
   /** @param {Entry} entry */
@@ -220,25 +226,6 @@ export class Tools {
     this.state.entry = entry;
     this.showForms();
     inputIn('form[data-row="entry"] input')?.focus();
-  }
-
-  // Moves the focus to the number that an open form waits for; returns whether there is one.
-  toNumber() {
-    const field = inputIn('form[data-row="entry"] label:not([hidden]) > input[inputmode]');
-    if (!field || !this.state.entry || (this.question.isOpen && this.question.counted)) return false;
-    this.showForms(); // bring its tab to the front
-    field.focus();
-    return true;
-  }
-
-  // Keeps a numeral that follows a drawn line from being a shortcut: it may be the line's length, for which this tool
-  // has no field. Returns whether it did.
-  /** @param {string} numeral */
-  keepFromShortcut(numeral) {
-    const { tool, draft, drawsIn } = this.state;
-    if (drawsIn === null || draft.length) return false;
-    this.notice.show(`${numeral} was not used. To enter a taped length, choose ${TOOLS.length.name} (${TOOLS.length.key.toUpperCase()}) and click its ends; for the shortcut ${numeral}, leave ${TOOLS[tool].name} by Esc first.`);
-    return true;
   }
 
   /** @param {HTMLFormElement} form */
@@ -281,6 +268,7 @@ export class Tools {
   cancel() {
     const { state, panes } = this;
     this.notice.hide();
+    this.isRefused = false;
     this.again.end();
     panes.active?.calm();
     const nothing = !state.draft.length && !state.entry;
@@ -336,6 +324,3 @@ export class Tools {
     if (words) this.notice.show(words, true);
   }
 }
-
-/** @param {string} selector @returns {HTMLInputElement | null} */
-export const inputIn = (selector) => byId("tab-measure").querySelector(selector);

@@ -190,7 +190,7 @@ export interface Line { name: string; start: string; end: string; length_m: numb
 // Monotone curve from the photo's values to the screen's.
 export interface Tone { black: number; white: number; gamma: number }
 // Photos of one folder and size.
-export interface FoundPhotos { pattern: string; count: number; width_px: number; height_px: number; example: string; camera: string; looks_deg: number | null; has_position: boolean }
+export interface FoundPhotos { pattern: string; count: number; width_px: number; height_px: number; example: string; camera: string; looks_deg: number | null; has_position: boolean; kind: number }
 // Camera file, for photos of one size.
 export interface FoundCamera { name: string; width_px: number; height_px: number }
 // Pick a label in a photo, or move its existing pick; a sigma of None keeps the present one.

@@ -295,8 +295,9 @@ export function placeOf(image, label) {
 
 /** @param {string} prefix @param {Set<string>} taken */
 export function freeName(prefix, taken) {
+  const names = new Set([...taken].map((name) => name.toLowerCase())); // p7 and P7 look alike
   for (let k = 1; ; k += 1) {
-    if (!taken.has(`${prefix}${k}`)) return `${prefix}${k}`;
+    if (!names.has(`${prefix}${k}`.toLowerCase())) return `${prefix}${k}`;
   }
 }
 

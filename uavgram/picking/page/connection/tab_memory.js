@@ -9,8 +9,8 @@ const STORED = "uavgram-kept";
 /** @typedef {{ views: KeptView[], active: number, linked: boolean }} KeptPanes */
 
 /**
- * `folder`: the listed one; `first`: the tool with which a new project begins. Numbers of photos hold for `pictures`, their digests.
- * @typedef {{ page?: string, folder?: number | null, first?: ToolName, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, draft?: string[], panes?: KeptPanes }} Kept
+ * `folder`: the listed one; `gone`: the project that this tab showed last; `first`: the tool with which a new project begins. Numbers of photos hold for `pictures`, their digests.
+ * @typedef {{ page?: string, folder?: number | null, first?: ToolName, gone?: string, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, draft?: string[], panes?: KeptPanes }} Kept
  */
 
 /** Returns what was kept of a page; nothing if another one was shown since. @param {string} page @returns {Kept} */

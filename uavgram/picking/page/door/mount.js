@@ -41,8 +41,14 @@ function recorded({ logs, has_gimbal }, looks, isPlaced) {
   if (!isPlaced) return "nothing is recorded, and nothing is needed";
   if (looks !== null) return `the photos say ${Math.round(looks)}\u00b0 below the horizon`;
   if (has_gimbal) return "by the gimbal, in the log";
-  return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "neither log nor photos say it: 90\u00b0 down would be assumed, and not be trusted";
+  return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "recorded nowhere: 90\u00b0 down is assumed, with a large error";
 }
+
+// Why a person has to choose.
+/** @param {Found} found */
+const unrecorded = ({ logs, has_gimbal }) => (logs.length && has_gimbal === null
+  ? "Whether a flight log has the angles of a gimbal is found out only when it is read. Choose how the camera hung."
+  : "Neither a flight log nor the photos record the angle. Choose how the camera hung.");
 
 // Says that a choice replaces what is recorded.
 /** @param {Found} found @param {number | null} looks */
@@ -62,7 +68,7 @@ export function mountPart(found, photos) {
   const remark = node("p", { class: "replaced", role: "status" });
   const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
     isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos state no positions: the lengths on the ground place them, and any choice gives the same result."),
-    isAsked ? node("p", { class: "dim" }, `${found.has_gimbal === null ? "What is recorded is not known yet" : "Neither the log nor the photos say it"}: choose.`) : null,
+    isAsked ? node("p", { class: "dim" }, unrecorded(found)) : null,
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
       node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words),
       value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks, isPlaced) : meant)))),

@@ -12,17 +12,16 @@ const [CM, INCH] = [0.01, 0.0254];
 /** @type {[string, string, string][]} */
 const CASE = [["number", "Case number", ""], ["title", "What it is about", "such as Collision, two cars"], ["place", "Place", ""], ["date", "Date", "of the flight"], ["agency", "Agency", ""]];
 
-/** @typedef {{ size: string, photos: FoundPhotos[], index: number }} Kind photos of one size: a project has one */
+/** @typedef {{ size: string, photos: FoundPhotos[], index: number }} Kind photos of one size, and of different names: a project has one */
 
 /** @param {FoundPhotos[]} photos @returns {Kind[]} */
 function kindsOf(photos) {
-  /** @type {Map<string, Kind>} */
+  /** @type {Map<number, Kind>} */
   const kinds = new Map();
   photos.forEach((one, index) => {
-    const size = `${one.width_px} \u00d7 ${one.height_px}`;
-    const kind = kinds.get(size);
+    const kind = kinds.get(one.kind);
     if (kind) kind.photos.push(one);
-    else kinds.set(size, { size, photos: [one], index });
+    else kinds.set(one.kind, { size: `${one.width_px} \u00d7 ${one.height_px}`, photos: [one], index });
   });
   return [...kinds.values()].sort((a, b) => countOf(b) - countOf(a));
 }
@@ -83,10 +82,11 @@ const unusablePart = ({ unusable }) => (unusable.length ? node("fieldset", { cla
 /** @param {Found} found @param {Kind[]} kinds @param {(kind: Kind) => void} choose */
 function photosPart({ number, has_project }, kinds, choose) {
   const picture = node("img", { alt: "The first photo", src: keyed(`/door/picture.jpg?folder=${number}&group=${kinds[0].index}`) });
+  const isOneSize = new Set(kinds.map(({ size }) => size)).size === 1;
   /** @param {Kind} kind */
-  const words = (kind) => `${countOf(kind)} photo${countOf(kind) === 1 ? "" : "s"} of ${kind.size} px, such as ${kind.photos[0].example}`;
+  const words = (kind) => `${countOf(kind)} photo${countOf(kind) === 1 ? "" : "s"} of ${kind.size} px, such as ${kind.photos[0].example}${isOneSize && kinds.length > 1 ? ` (${kind.photos.map(({ pattern }) => pattern).join(", ")})` : ""}`;
   if (kinds.length === 1 || has_project) return box("Photos", picture, node("p", {}, kinds.map(words).join("; ")));
-  return box("Photos", picture, node("p", {}, "There are photos of several sizes, and a project has those of one camera. Choose:"),
+  return box("Photos", picture, node("p", {}, isOneSize ? "Several folders have photos of the same file names, and a project tells photos apart by their file names. Choose the folder:" : "There are photos of several sizes, and a project has those of one camera. Choose:"),
     ...kinds.map((kind, k) => node("label", { class: "choice" }, node("input", { type: "radio", name: "kind", value: k, checked: k === 0, onchange: () => {
       picture.src = keyed(`/door/picture.jpg?folder=${number}&group=${kind.index}`);
       choose(kind);
@@ -167,7 +167,7 @@ const casePart = ({ setup }) => node("details", { class: "case", open: Object.va
 function positive(form, name, what) {
   const written = textIn(form, name);
   const value = Number(written.replace(",", "."));
-  if (!(value > 0)) throw new Error(`${what}: ${written || "nothing"} is no number greater than 0.`);
+  if (!(value > 0)) throw new Error(`${what}: enter a number greater than 0 (read: ${written || "nothing"}).`);
   return value;
 }
 
@@ -178,9 +178,9 @@ function wantedOf(found, kinds, form) {
   }
   const units = textIn(form, "units");
   const kind = kinds[Number(textIn(form, "kind") || 0)];
-  const isSameSize = kinds.length === 1;
+  const isOneKind = kinds.length === 1;
   return {
-    folder: found.number, images: isSameSize ? [] : kind.photos.map(({ pattern }) => pattern),
+    folder: found.number, images: isOneKind ? [] : kind.photos.map(({ pattern }) => pattern),
     log: textIn(form, "log") || null, poses: textIn(form, "poses") || null, camera: textIn(form, "camera") || null,
     gcp_list: textIn(form, "gcp") ? found.gcp_lists[0] : null, gcp_sigma_m: textIn(form, "gcp") ? positive(form, "gcp_sigma", "Points with known coordinates") * CM : 0.02,
     setup: {

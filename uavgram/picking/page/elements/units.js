@@ -68,9 +68,20 @@ export function mayBecomeLength(text) {
   return ["e", ...Object.keys(SCALES)].some((unit) => unit.startsWith(letters));
 }
 
-// Returns metres; NaN if the text is not a length.
+export const THOUSANDS = /^[-+]?[1-9]\d{0,2},\d{3}(?![\d.,])/; // the comma may be that of thousands, or a decimal comma
+export const DECIMAL_COMMA = /,(?=\d+(?![\d.,]))/;
+const LARGEST_M = 1000; // no drone's photo shows a taped length of a kilometre
+
+// Returns metres; NaN if the text is not a length. A comma before three digits is that of decimals if the number without
+// it is larger than any taped length; else the text has two meanings, and is refused.
 /** @param {string} text @param {Sort} [sort] */
 export function parseLength(text, sort = "length") {
+  const whole = THOUSANDS.test(text.trim()) ? readPointed(text.replace(",", ""), sort) : Infinity;
+  return Math.abs(whole) < LARGEST_M ? NaN : readPointed(text.replace(DECIMAL_COMMA, "."), sort);
+}
+
+/** @param {string} text a length with a decimal point @param {Sort} sort */
+function readPointed(text, sort) {
   const written = text.trim();
   const one = ONE.exec(written);
   if (one) return exact(Number(`${one[1]}${one[2]}${one[3] ?? ""}`) * (SCALES[(one[4] ?? fieldUnit(sort)).toLowerCase()] ?? NaN));
@@ -83,6 +94,13 @@ export function parseLength(text, sort = "length") {
 // Rounds to eight digits, one less than a field shows: an unchanged field keeps its meaning.
 /** @param {number} metres @returns {number} */
 const exact = (metres) => (Number.isFinite(metres) ? Number(metres.toPrecision(8)) : NaN);
+
+// Rounds a small length to three digits in the unit of its field.
+/** @param {number} metres */
+export function roundSmall(metres) {
+  const unit = parseLength("1", "small");
+  return exact(Number((metres / unit).toPrecision(3)) * unit);
+}
 
 // Text of a field that is read back with the same meaning: "13.2", or "13 ft 2 1/2 in".
 /** @param {number | null | undefined} metres @param {Sort} [sort] */
@@ -103,5 +121,5 @@ export const typedText = (metres) => fieldText(metres) + (units.length === "ft-i
 /** @param {string} text @param {Sort} [sort] */
 export function understood(text, sort = "length") {
   const metres = parseLength(text, sort);
-  return Number.isNaN(metres) || `${metres}` === text.trim() || (units.length === "m" && Number(text) === metres) ? "" : `= ${Number(metres.toPrecision(4))} m`;
+  return Number.isNaN(metres) || `${metres}` === text.trim() || (units.length === "m" && Number(text) === metres) ? "" : `= ${Number(metres < 1 ? metres.toPrecision(4) : metres.toFixed(3))} m`;
 }

@@ -3,7 +3,7 @@
 import { as, fillIfNew, node, textIn } from "../elements/dom.js";
 import { meaning } from "../elements/numbers.js";
 import { drop, keep } from "../elements/table.js";
-import { fieldText, fieldUnit, parseLength, understood } from "../elements/units.js";
+import { DECIMAL_COMMA, fieldText, fieldUnit, parseLength, THOUSANDS, understood } from "../elements/units.js";
 import { placeText, speedFacts } from "./speed.js";
 
 /** @import { Entry, NewLine } from "../actions/page_state.js" */
@@ -120,32 +120,21 @@ const isNewLine = (entry) => entry.t === "line" && !entry.was;
 /** Whether it is a new line without a reading, which is a distance that is wanted. @param {Entry} entry @returns {entry is NewLine} */
 export const isUnread = (entry) => isNewLine(entry) && !typedForm();
 
-/** Returns the open form if the next click takes it. @param {Entry} entry */
-export const formToTake = (entry) => (isUnread(entry) ? openForm() : typedForm());
+/** Returns the open form if the next click takes it: a new one that is complete, or a changed one. @param {Entry} entry */
+export const formToTake = (entry) => (entry.was || openForm()?.querySelector("[type=submit]:disabled") ? typedForm() : openForm());
 
 /** @param {NewLine} entry @param {string} name @returns {Filled} */
 export const distanceMessage = ({ start, end }, name) => ({ message: { t: "measure", was: "", name, kind: "distance", points: [start, end] } });
 
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
-const WITH_COMMA = /^[-+]?\d*,\d+$/;
-const THOUSANDS = /^[-+]?[1-9]\d{0,2},\d{3}$/;
 
 // Reads a number; a decimal comma is accepted if it is unambiguous, as in the program's readers.
 /** @param {string} text */
 export function parse(text) {
   const written = text.trim();
-  const pointed = WITH_COMMA.test(written) && !THOUSANDS.test(written) ? written.replace(",", ".") : written;
+  const pointed = THOUSANDS.test(written) ? written : written.replace(DECIMAL_COMMA, ".");
   return NUMBER.test(pointed) ? Number(pointed) : NaN;
 }
-
-/** Reads a length in metres, also with a decimal comma. @param {string} text @param {Sort} [sort] */
-export function readLength(text, sort = "length") {
-  const bare = parse(text); // with parse's number format
-  return parseLength(Number.isNaN(bare) ? text : `${bare}`, sort);
-}
-
-/** @param {string} text */
-export const readSmall = (text) => readLength(text, "small");
 
 // Explains why a text is no number, or gives a valid example.
 /** @param {string} text @param {string} example */
@@ -196,9 +185,9 @@ function numbersIn(form, wanted) {
   /** @type {Record<string, number>} */
   const found = {};
   for (const { field, caption, example, zero, any, sort } of wanted) {
-    const value = sort ? readLength(textIn(form, field), sort) : parse(textIn(form, field));
+    const value = sort ? parseLength(textIn(form, field), sort) : parse(textIn(form, field));
     if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(textIn(form, field), (sort && EXAMPLES[fieldUnit(sort)]) || example)}`, field };
-    if (!any && (value < 0 || (value === 0 && !zero))) return { why: `${caption}: ${textIn(form, field)} is not greater than 0.`, field };
+    if (!any && (value < 0 || (value === 0 && !zero))) return { why: `${caption}: enter a number greater than 0 (read: ${textIn(form, field)}).`, field };
     found[field] = value;
   }
   return { found };

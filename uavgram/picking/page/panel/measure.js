@@ -7,8 +7,8 @@ import { linkButton, signButton } from "../elements/buttons.js";
 import { as, node } from "../elements/dom.js";
 import { fixed, MISFIT, SIGMA } from "../elements/numbers.js";
 import { about, beneath, cell, drop, fill, folded, keep, list, remove, standingSign, table, tableRow, titled, trusted, wCell, withValues } from "../elements/table.js";
-import { fieldText, fieldUnit, lengthUnit, smallUnit } from "../elements/units.js";
-import { entryPart, KINDS, readLength } from "./entry.js";
+import { fieldText, fieldUnit, lengthUnit, parseLength, smallUnit } from "../elements/units.js";
+import { entryPart, KINDS } from "./entry.js";
 import { firstStepsPart } from "./first_steps.js";
 import { plannedPart, plannedPlatesPart } from "./planned.js";
 import { pointPart } from "./point.js";
@@ -129,7 +129,7 @@ function lengthRow(line, tools) {
       name: "length", value: fieldText(line.length_m), inputmode: fieldUnit() === "m" ? "decimal" : "text", autocomplete: "off", "aria-label": `${line.name}, taped length in ${fieldUnit()}`,
       onchange: ({ target }) => {
         const input = as(HTMLInputElement, target);
-        tools.number(input, (length_m) => { if (length_m !== null) change({ length_m }); }, readLength);
+        tools.number(input, (length_m) => { if (length_m !== null) change({ length_m }); }, parseLength);
         input.value = fieldText(line.length_m); // until the change is confirmed and the table made anew
       },
     }),

@@ -6,9 +6,8 @@ import { adjusted, heightOf, pickAt, picksOf, stale, standsAt, store } from "../
 import { as, fillIfNew, node } from "../elements/dom.js";
 import { meaning } from "../elements/numbers.js";
 import { keep } from "../elements/table.js";
-import { fieldText, fieldUnit } from "../elements/units.js";
+import { fieldText, fieldUnit, parseLength } from "../elements/units.js";
 import { madeBy } from "../photos/sources.js";
-import { readLength, readSmall } from "./entry.js";
 import { editsPart, editsSign } from "./label_edits.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
@@ -34,7 +33,7 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
   const field = (name, caption, value, usual, act, read) => node("label", { title: meaning(caption) }, caption, node("input", {
     name, value: value ?? "", inputmode: "decimal", placeholder: usual, autocomplete: "off", onchange: ({ target }) => tools.number(as(HTMLInputElement, target), act, read),
   }));
-  const stated = field("height", `Height over ground, ${fieldUnit()}`, fieldText(height_m), is_free ? "from photos" : "0", (value) => heights.set(label, value, height_sigma_m), readLength);
+  const stated = field("height", `Height over ground, ${fieldUnit()}`, fieldText(height_m), is_free ? "from photos" : "0", (value) => heights.set(label, value, height_sigma_m), parseLength);
   /** @param {string} words @param {string} title @param {boolean} chosen @param {() => void} act */
   const choice = (words, title, chosen, act) => node("button", { type: "button", role: "radio", name: words, title, "aria-checked": chosen, tabindex: chosen ? 0 : -1, onclick: act }, words);
   const choices = node("div", { class: "both group", role: "radiogroup", "aria-label": "Height" },
@@ -47,7 +46,7 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
     pick && field("sigma", "Likely error (sigma), px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
     pick?.source ? node("p", { class: "both dim made" }, `${madeBy(pick)}. Move it, and it is yours.`) : null,
     stated,
-    height_m === null ? null : field("height_sigma", `Sigma of the height, ${fieldUnit("small")}`, fieldText(height_sigma_m, "small"), "exact", (sigma) => heights.set(label, height_m, sigma), readSmall),
+    height_m === null ? null : field("height_sigma", `Sigma of the height, ${fieldUnit("small")}`, fieldText(height_sigma_m, "small"), "exact", (sigma) => heights.set(label, height_m, sigma), (text) => parseLength(text, "small")),
     choices, edits, node("div", { class: "both stands", role: "status", "aria-label": "How high it stands" }),
     node("button", { type: "submit", hidden: true }, "Done")); // without it Enter would not submit the form
 }

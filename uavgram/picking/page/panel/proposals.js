@@ -28,7 +28,7 @@ function foundPart({ selected }, image, tools) {
   }
   return keep("found", [all, selected, image, isSearching()], () => titled(`Found by the program (${all.length})`,
     acceptButtons(all.filter(({ is_sure }) => is_sure).length, selected, image, tools),
-    table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that tells its own place"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
+    table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that is its own proof; unsure: look at the two pictures before you accept it"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
       all.slice(0, MOST_SHOWN).flatMap((one) => [foundRow(one, tools), picturesRow(one)])),
     more(all.length)));
 }
@@ -58,7 +58,7 @@ function pair(which, count, words, key, { proposals: all }) {
 function foundRow(one, tools) {
   const { image, label, sigma_px, score, source } = one;
   const { name } = store.photos[image];
-  return tableRow({ "data-row": `found ${label} ${image}` }, label, cell({ class: "named ended", title: name }, goButton(one, name, tools)), source, fixed(sigma_px, 2), fixed(score, 2),
+  return tableRow({ "data-row": `found ${label} ${image}` }, label, cell({ class: "named ended", title: name }, goButton(one, name, tools)), cell({ class: one.is_sure ? "" : "is-doubtful" }, `${source}${one.is_sure ? "" : ", unsure"}`), fixed(sigma_px, 2), fixed(score, 2),
     cell({}, signButton("accept", `Accept ${label} in ${name}`, "\u2713", () => tools.proposals.accept([one]), { title: "Accept (full stop)" }),
       signButton("remove", `Refuse ${label} in ${name}`, "\u00d7", () => tools.proposals.refuse([[image, label]]), { title: "Refuse" })));
 }

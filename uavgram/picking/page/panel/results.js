@@ -62,7 +62,7 @@ const headline = ({ level, headline: words, first, counts, case: about, made }) 
 /** @param {Results} results */
 function measurements({ measurements: rows }) {
   if (!rows.length) return node("p", {}, "Nothing was measured: use Distance, Area or another tool, and write the results again.");
-  return table("Results", ["measurement", "what", "value", "true in 19 of 20 cases within", "status"], rows.map((one) => tableRow({}, cell({ title: one.points.join(" \u2013 ") }, one.name), one.kind,
+  return table("Results", ["measurement", "what", "value", "true in 19 of 20 cases within", "status"], rows.map((one) => tableRow({}, cell({}, one.name, node("div", { class: "dim" }, one.points.join(" \u2013 "))), one.kind,
     cell({ class: one.status === "contradicted" ? "is-contradicted" : "" }, node("b", {}, one.value), one.others ? node("div", { class: "dim" }, one.others) : null), one.interval, cell({ class: `status ${one.status}` }, one.words))));
 }
 

@@ -169,17 +169,18 @@ function predictedPart({ image, label, pixel_px: at, spread }, selected, shown) 
 // A proposal: a hollow mark, which is no pick before it is accepted.
 /** @param {Proposal} one @param {string | null} selected @param {Shown} shown @returns {Part} */
 function proposalPart(one, selected, shown) {
-  const { label, u_px, v_px } = one;
+  const { label, u_px, v_px, is_sure } = one;
   const words = proposalWords(one);
+  const tag = `${label}?${is_sure ? "" : " unsure"}`;
   return {
     key: `proposal ${label}`,
-    mark: { label: `${label}?`, at: [u_px, v_px] },
+    mark: { label: tag, at: [u_px, v_px] },
     sign: JSON.stringify([words, selected === label, shown.labels]),
     make: () => {
       const group = shape("g", { class: `mark proposed${selected === label ? " selected" : ""}`, tabindex: 0, role: "button", "data-proposal": label, "aria-label": `Accept ${words}` },
         titleShape(`${words}. A click here is a pick of your own, the full stop accepts what was found, Delete refuses it`),
         ...stroke(HOLLOW), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: ON_PX }));
-      if (shown.labels) group.append(textShape(`${label}?`, "tag"));
+      if (shown.labels) group.append(textShape(tag, "tag"));
       return group;
     },
     move: (group, view) => { place(group, view, u_px, v_px); showTag(group); },
@@ -198,8 +199,8 @@ function alikePart(at, number) {
 }
 
 /** @param {Proposal} one */
-const proposalWords = ({ label, source, from_image, sigma_px, score }) =>
-  `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u00b1 ${fixed(sigma_px, 2)} px, score ${fixed(score, 2)}`;
+const proposalWords = ({ label, source, from_image, sigma_px, score, is_sure }) =>
+  `${label}, ${is_sure ? "" : "unsure: "}${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u00b1 ${fixed(sigma_px, 2)} px, score ${fixed(score, 2)}`;
 
 /** Resizers of ellipses, which depend on the zoom; `reach_px`: in the photo; `scale`: of the last drawing. @type {WeakMap<Element, { reach_px: number, scale: number, resize: (scale: number) => void }>} */
 const resizers = new WeakMap();

@@ -173,7 +173,8 @@ export class Pointer {
     }
     if (!press || several || press.far || press.pans) return;
     const { on } = press;
-    if (on && !on.hollow) pane.events.clickedMark(on.label);
+    const isBeside = on?.label === pane.state.draft.at(-1) && (on?.away ?? 0) > CLICK_PX; // a line's other end may be so near
+    if (on && !on.hollow && !isBeside) pane.events.clickedMark(on.label);
     else {
       const [u, v] = pane.view.toPhoto(...this.local(event));
       if (pane.contains(u, v)) pane.events.clicked(pane, u, v);
