@@ -276,6 +276,19 @@ def test_picks_in_a_small_copy_of_one_of_two_photos_are_named_and_spoil_nothing(
     assert max(map(abs, zs(row))) < 3.5
 
 
+@pytest.mark.parametrize("seed", [2, 4])
+def test_exchanged_control_points_of_a_single_photo_are_named_and_spoil_nothing(seed: int) -> None:
+    """With them the photo has no pose, or a false one: it begins from control that agrees."""
+    world = World(log=None, clicks=2, control=6, lengths=(2, 2), taped=(8, 8), marks=(5, 5))
+    rng = np.random.default_rng(seed)
+    survey = draw(world, rng)
+    FAULTS["control_exchanged"].plant(survey, rng)
+    row = judged(survey, {"world": "strip", "fault": "control_exchanged", "seed": seed})
+    first = row["reasons"][0]
+    assert (first["cause"], set(first["labels"])) == ("control-left-out", survey.wrong["labels"])
+    assert 0.0 < max(map(abs, zs(row))) < 3.5
+
+
 @pytest.mark.parametrize("seed", [5, 8])
 def test_most_points_off_the_ground_without_a_stated_height_spoil_nothing(seed: int) -> None:
     """Photos from nearly one place hardly show heights; a scene of no size would fit any (8)."""

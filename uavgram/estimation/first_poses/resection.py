@@ -276,7 +276,7 @@ prediction by four picks with errors of a sigma each is itself uncertain by seve
 
 
 def find_consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
-    """Mark the picks (n,) that agree on the pose of largest consensus.
+    """Mark the picks (n,) that agree on the pose of largest consensus, and of equal ones the best.
 
     Parameters
     ----------
@@ -291,14 +291,15 @@ def find_consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
     -------
     None where no pose can be found.
     """
-    best = None
-    for chosen in _sets(len(ray)):
-        agree = _agreeing(world, ray, sigma, np.array(chosen))
-        if agree is not None and (best is None or agree.sum() > best.sum()):
-            best = agree
-    if best is None or best.sum() < MIN_PICKS:
-        return best
-    return _agreeing(world, ray, sigma, np.flatnonzero(best))
+    offsets = (_find_offsets(world, ray, sigma, np.array(one)) for one in _sets(len(ray)))
+    agreeing = [(one, one < AGREEMENT_SIGMAS) for one in offsets if one is not None]
+    if not agreeing:
+        return None
+    _, best = max(agreeing, key=lambda one: (one[1].sum(), -np.sum(one[0][one[1]] ** 2)))
+    if best.sum() < MIN_PICKS:
+        return np.asarray(best)
+    again = _find_offsets(world, ray, sigma, np.flatnonzero(best))
+    return None if again is None else np.asarray(again < AGREEMENT_SIGMAS)
 
 
 def _sets(n: int) -> list[tuple[int, ...]]:
@@ -309,12 +310,13 @@ def _sets(n: int) -> list[tuple[int, ...]]:
     return [tuple(rng.choice(n, MIN_PICKS, replace=False)) for _ in range(MAX_SETS)]
 
 
-def _agreeing(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Bools | None:
+def _find_offsets(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Floats | None:
+    """Compute distances (n,) of all picks from the pose by chosen ones, in their sigmas."""
     pose = resect_from_plane(world[chosen], ray[chosen])
     if pose is None:
         return None
-    distance = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1)
-    return np.asarray(distance < AGREEMENT_SIGMAS * sigma)
+    distance = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1) / sigma
+    return np.where(np.isnan(distance), np.inf, distance)
 
 
 def project_plane(world: Floats, pose: tuple[Floats, Floats]) -> Floats:

@@ -91,10 +91,11 @@ def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
     seen, counts = found.seen, found.counts
     if not seen:
         return (
-            "without a flight log a photo is placed by three known lengths that it shows whole "
+            "nothing shows where the photos were taken: that takes a flight log, or one photo with "
+            "both ends of three known lengths "
             f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}), or two "
-            "photos by one length and six points of the ground that both show: pick both ends of "
-            "more lines in one photo, more points in two, or give the log"
+            "photos with one known length and six common points of the ground. Pick both ends of "
+            "more lines in one photo or more points in two, or give the log"
         )
     frame = max(seen, key=lambda f: (seen[f].scaled, seen[f].rows, -f))
     known, name = seen[frame], survey.frame_id[frame]

@@ -119,6 +119,9 @@ the linear model, to be tried instead."""
 MOST_PROPOSED = 3
 """Number of single gross errors that are tried in place of several."""
 
+ROUGH_POSE_FACTOR = 5.0
+"""Factor of the sigmas of picks for a pose by control points that are not in a plane."""
+
 OFF_GROUND_M = 0.1
 """Departure from the ground [m] above which a point has a height of its own."""
 
@@ -735,21 +738,48 @@ def _sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list
 
 
 def _leave_out_contradicting_control(whole: Participants) -> Iterator[Participants]:
-    """Leave out the control that contradicts most other control in the network of the photos."""
+    """Leave out the control that contradicts most other control, in the network of the photos.
+
+    Where the photos have no network without control, in the pose of one photo.
+    """
     survey = whole.survey
     if survey.telemetry is not None or len(survey.control_label) < 3:
         return
     without = select_control(survey, np.zeros(len(survey.control_label), dtype=np.bool_))
     network = adjust_on_trial(replace(whole, survey=replace(without, gauge="plane")), QUICK_TRIAL)
     if network is None:
-        return
-    names = [survey.label[k] for k in survey.control_label]
-    row = network.adjustment.label_rows(names)
-    point = network.adjustment.state.point[row, :2]
-    here = np.where(row[:, None] >= 0, point, np.nan)
-    agree = find_agreeing_control(here, survey.control_world_m[:, :2])
+        agree = _find_control_of_one_pose(whole)
+    else:
+        names = [survey.label[k] for k in survey.control_label]
+        row = network.adjustment.label_rows(names)
+        point = network.adjustment.state.point[row, :2]
+        here = np.where(row[:, None] >= 0, point, np.nan)
+        agree = find_agreeing_control(here, survey.control_world_m[:, :2])
     if agree.any() and not agree.all():
         yield replace(whole, survey=select_control(survey, agree))
+
+
+def _find_control_of_one_pose(whole: Participants) -> Bools:
+    """Mark the control points (C,) that agree on a pose of the photo with most of them."""
+    survey, camera = whole.survey, whole.survey.calibration
+    row = np.full(len(survey.label), -1)
+    row[survey.control_label] = np.arange(len(survey.control_label))
+    usable = whole.keep & (row[survey.pick_label] >= 0)
+    number = np.bincount(survey.pick_frame[usable], minlength=len(survey.frame_id))
+    picks = np.flatnonzero(usable & (survey.pick_frame == number.argmax()))
+    # One click of each point.
+    of, first = np.unique(row[survey.pick_label[picks]], return_index=True)
+    picks = picks[first]
+    ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
+    is_in_lens = np.isfinite(ray).all(axis=1)
+    of, picks, ray = of[is_in_lens], picks[is_in_lens], ray[is_in_lens]
+    # Control points are near a plane only, so that a pose by four of them is a rough one.
+    sigma = ROUGH_POSE_FACTOR * survey.pick_sigma_px[picks] / camera.parameters[0]
+    found = find_consensus(survey.control_world_m[of, :2], ray, sigma) if len(of) else None
+    agree = np.zeros(len(survey.control_label), dtype=np.bool_)
+    if found is not None and found.sum() >= MIN_PICKS:
+        agree[of[found]] = True
+    return agree
 
 
 def _leave_out_each_known_thing(whole: Participants) -> Iterator[Participants]:

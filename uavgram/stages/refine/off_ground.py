@@ -386,11 +386,11 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
     size_m, rough = abs(height_m), min(digits, 1 if abs(height_m) >= 1.0 else 2)
     other = " (or one of its two picks is on another thing)" if photos == UNCHECKED_PHOTOS else ""
     text = (
-        f"{label!r} fits {size}, and not on it{other}. It was adjusted with that height. To "
+        f"{label!r} is {size}{other}. It was adjusted with that height. To "
         "confirm it, write `free` as the height_m of its picks, or the height if you know it."
     )
     several = MessagePlural(
-        "{count} points fit at a height off the ground, and not on it; they were adjusted so",
+        "{count} points are above or below the ground, and were adjusted with these heights",
         f"{label!r} {abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side}{other}",
         ending="To confirm it, write `free` as the height_m of their picks, or the heights "
         "if you know them.",

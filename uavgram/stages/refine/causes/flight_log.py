@@ -271,7 +271,7 @@ def propose_turned_camera(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     turn = find_turn_by_places(adjustment)
     heading_rad = float(adjustment.state.telemetry[HEADING_BIAS][0]) + turn.angle_rad
     yield Hypothesis(
-        message=_compass_message,
+        message=partial(_compass_message, "photos" if isinstance(track, PhotoExposures) else "log"),
         moved=(prior_derivative(diagnosis.adjustment, kind="heading_bias"),),
         settled=partial(_heading, prior),
         freed=partial(_free_heading, heading_rad),
@@ -545,17 +545,20 @@ def _camera_message(found: HypothesisTest | None) -> Message:
     )
 
 
-def _compass_message(found: HypothesisTest | None) -> Message:
+def _compass_message(source: str, found: HypothesisTest | None) -> Message:
+    """Report wrong headings of the log, or of the tags of the photos."""
     assert found is not None  # noqa: S101
     angle, sigma = np.degrees([-found.value[0], np.sqrt(found.covariance[0, 0])])
+    check = (
+        "Check `mount.yaw_deg` in the project and the compass of the vehicle."
+        if source == "log"
+        else "Another program may have turned the photos: use those of the memory card."
+    )
     return Message(
         "warning",
         "gimbal-off",
-        f"All headings of the log are off by {abs(angle):.1f} ± {format_digits(sigma, 1)} degrees: "
-        f"look "
-        "at "
-        "`mount.yaw_deg` in the project, or at the compass of the vehicle. Directions "
-        "rest on it.",
+        f"All headings of the {source} are off by {abs(angle):.1f} ± {format_digits(sigma, 1)} "
+        f"degrees. Directions depend on them, lengths hardly. {check}",
     )
 
 
