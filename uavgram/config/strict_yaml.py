@@ -264,7 +264,10 @@ def yaml_text(data: Plain) -> str:
 
 
 def plain_settings(value: object) -> Plain:
-    """Return settings as plain data, without the values of data classes that are their defaults."""
+    """Return settings as plain data, without the values of data classes that are their defaults.
+
+    One text of several possible ones is written without a list, as by people.
+    """
     if is_dataclass(value):
         return {
             one.name: plain_settings(getattr(value, one.name))
@@ -272,7 +275,8 @@ def plain_settings(value: object) -> Plain:
             if getattr(value, one.name) != _default(one)
         }
     if isinstance(value, tuple):
-        return [plain_settings(one) for one in value]
+        each = [plain_settings(one) for one in value]
+        return each[0] if len(each) == 1 and isinstance(each[0], str) else each
     if isinstance(value, str | int | float | bool) or value is None:
         return value
     raise TypeError(f"{type(value).__name__} has no place in a YAML file")

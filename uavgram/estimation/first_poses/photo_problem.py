@@ -314,7 +314,15 @@ class PhotoProblem:
 
 
 def compute_places(shared: SharedErrors, photos: Photos, state: State) -> tuple[Floats, Floats]:
-    """Compute world points (b, E, 3) of a state, and slopes (b, 2) of the ground."""
+    """Compute world points (b, E, 3) of a state, and slopes (b, 2) of the ground.
+
+    Parameters
+    ----------
+    shared, photos
+        Errors that all photos share, and the photos (b).
+    state
+        Places of the points, and the common unknowns.
+    """
     ground = photos.ground + state.common[:, shared.ground] @ shared.ground_root.T
     up = ground[:, :1] + _apply(state.place, ground[:, 1:]) + photos.height_m
     return np.concatenate([state.place, up[..., None]], axis=2), ground[:, 1:]

@@ -246,14 +246,15 @@ def free_unchecked_heights(
     found
         Labels whose heights were found.
     """
-    adjustment, sigma = refined.adjustment, np.zeros(len(survey.label))
+    adjustment, sigma = refined.adjustment, dict[str, float]()
     if len(found) < MIN_OFF_GROUND:
         return survey, refined, ()
     on_ground = np.flatnonzero(~adjustment.survey.off_ground)
     names = [adjustment.survey.label[k] for k in on_ground]
     for _ in range(HEIGHT_ROUNDS):
         size_m = _expect_heights(adjustment, on_ground, found)
-        sigma = dict(zip(names, np.where(size_m > MAX_UNEVENNESS_M, size_m, 0.0), strict=True))
+        size_m = np.where(size_m > MAX_UNEVENNESS_M, size_m, 0.0)
+        sigma = dict(zip(names, size_m.tolist(), strict=True))
         again = _readjust_if_possible(adjustment, _set_height_sigmas(adjustment.survey, sigma))
         if again is None or not any(sigma.values()):
             return survey, refined, ()
