@@ -123,7 +123,7 @@ def test_a_line_called_like_a_known_thing_is_refused(tmp_path: Path) -> None:
     )
     made.path.write_text(made.path.read_text(encoding="utf-8") + "known: known.csv\n")
 
-    with pytest.raises(InputError, match=r"line 'kerb 1' is called like a known thing"):
+    with pytest.raises(InputError, match=r"line 'kerb 1' has the name of a known thing"):
         read_inputs(made.path)
 
 

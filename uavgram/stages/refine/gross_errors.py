@@ -627,8 +627,12 @@ def _try_without_photos(taking: Participants, found: Sequence[Candidate]) -> Ite
     fitting = (one for one in each if one.explains() and one.leaves_no_other())
     best = _better_of_two(taking, fitting) if len(photos) == 2 else list(islice(fitting, 1))
     for candidate in best:
-        # A photo whose picks mostly agree shows this place, also where that is no better.
-        yield from list(_try_without_wrong_picks(taking, candidate)) or [candidate]
+        agreeing = list(_try_without_wrong_picks(taking, candidate))
+        yield from agreeing
+        # A photo of several whose picks mostly agree shows this place, also where that is no
+        # better.
+        if len(photos) == 2 or not agreeing:
+            yield candidate
 
 
 def _adjust_from_rest(rest: Participants) -> Iterator[Candidate]:
