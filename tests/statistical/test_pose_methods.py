@@ -173,9 +173,9 @@ def test_wrong_sigmas_of_coordinates_show_in_the_fit_and_spoil_the_points_only(
         return replace(survey, control_sigma_m=survey.control_sigma_m / 5)
 
     # At the stated noise: what the picks do not fit would be learnt as theirs, and told so.
-    found = outcomes(8, stated, AS_STATED)
+    found = outcomes(16, stated, AS_STATED)
     assert not within_bounds(found["points"])
-    assert sum(one.misfits for one in posed(found["points"])) >= 7  # and the run reports it
+    assert sum(one.misfits for one in posed(found["points"])) >= 14  # and the run reports it
     assert within_bounds(found["lengths"])
     assert sum(one.misfits for one in posed(found["lengths"])) <= 1
 

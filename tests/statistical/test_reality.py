@@ -104,6 +104,6 @@ def test_matches_of_a_clumsy_click_do_not_make_it_certain(tmp_path: Path) -> Non
     On rough ground, one in a hundred matches wrong. (With matches taken for picks of their own, the
     mean square is 16.)
     """
-    square = squares("matched_wrong", 8, tmp_path)
+    square = squares("matched_wrong", 12, tmp_path)
     most = margin(square, 0.001)
     assert np.mean(square) - 1.0 < most < 1.0

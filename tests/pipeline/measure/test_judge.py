@@ -60,7 +60,7 @@ def test_a_withheld_length_twenty_sigmas_off_is_amber_and_no_row_is_in_order(sma
         assert status == ("contradicted" if ends & set(points) else "doubtful")
 
 
-@pytest.mark.parametrize("error", [0.02, 0.1])
+@pytest.mark.parametrize("error", [0.02, 0.05, 0.1])
 def test_of_lengths_that_all_contradict_each_other_nothing_is_to_be_used(
     small: Inputs, error: float
 ) -> None:

@@ -169,7 +169,7 @@ def convert_to_geodetic(
 
 
 def _check_not_degrees(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> None:
-    """Refuse degrees in a system of metres, of which they would be places far off."""
+    """Refuse degrees where the file names a coordinate system in metres."""
     small = (np.abs(xyz[:, :2]) <= (360.0, 90.0)).all(axis=1) & (xyz[:, :2] % 1 != 0).any(axis=1)
     if crs.is_projected and small.all():
         text = (
