@@ -43,6 +43,7 @@ export class LabelsByPlace {
   /** Writes a label into the field. @param {string} label @param {boolean} isLeft */
   put(label, isLeft = false) {
     this.box.value = label;
+    if (document.activeElement === this.box) this.box.select(); // what is typed next replaces it
     this.state.typed = false;
     this.isLeft = isLeft;
   }
