@@ -283,3 +283,21 @@ def test_a_region_is_999_of_1000_and_no_smaller_than_a_click_needs(opened: Opene
             "5 px above here",
         ],
     }
+
+
+def test_a_point_that_was_asked_for_by_name_is_placed_without_a_question(opened: Opened) -> None:
+    asked = opened.page.locator(f'[data-row^="asked {TWIN} "]')
+    go = asked.locator('[name="go"]').first
+    u, v = opened.places[ALONE[0]]
+    go.evaluate("button => button.click()")  # wherever it is in a folded list
+    opened.page.keyboard.press("f")
+    opened.click(u + TWIN_ASIDE_PX / 2, v)  # where the other one is expected, too
+    eventually(opened.page, lambda: opened.is_picked(TWIN))
+    expect(opened.question).to_have_count(0)
+    opened.page.locator("#undo").click()
+    eventually(opened.page, lambda: not opened.is_picked(TWIN))
+    opened.settle()
+    go.evaluate("button => button.click()")
+    opened.page.keyboard.press("f")
+    opened.click(*opened.places[ALONE[1]])  # and elsewhere it is asked about
+    expect(opened.question).to_contain_text(f"{TWIN} was expected")

@@ -197,10 +197,10 @@ export class LabelsByPlace {
     return labels().includes(label) || this.coming.some((one) => one.label === label);
   }
 
-  // Returns the expected places of points that may still be picked there.
+  // Returns the expected places of points that may still be picked there; one that was found surely is where it was found.
   /** @param {number} image @returns {Predicted[]} */
   expectedIn(image) {
-    return predictedIn(image).filter(({ label }) => !this.taken(image, label));
+    return predictedIn(image).filter(({ label }) => !this.taken(image, label) && !proposalAt(image, label)?.is_sure);
   }
 }
 

@@ -123,6 +123,7 @@ export class Proposals {
     if (!pane) return;
     if (pane.image !== image) pane.show(image);
     this.tools.choose(label);
+    this.state.typed = !proposalAt(image, label); // a point to be picked there by hand, as if its name were typed
     this.tools.rebuild();
     const region = predictedIn(image).find((one) => one.label === label)?.spread.major_px ?? 0;
     const size = Math.min(pane.view.width, pane.view.height);
