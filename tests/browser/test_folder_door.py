@@ -322,3 +322,32 @@ def test_a_photo_that_cannot_be_used_is_left_out_of_a_project_and_taken_back(
     page.get_by_role("button", name="Use P2.jpg again").click()
     expect(page.locator("#strip button")).to_have_count(2)
     assert load_project(project).leave_out == ()
+
+
+def test_a_wrong_date_is_refused_at_its_field_and_a_turned_camera_is_set(
+    home: Path, data_dir: Path, page: Page
+) -> None:
+    shutil.copy(data_dir / "street_oblique" / "flight.tlog", home / "flight")
+    page.get_by_role("button", name="Use flight").click()
+    expect(page.get_by_label("Turned from the nose")).to_be_hidden()  # nobody else is burdened
+    page.get_by_text("It was turned or tilted").click()
+    page.get_by_label("Turned from the nose").fill("27o")
+    page.get_by_role("radio", name="45° down").check()
+    page.get_by_text("Case, for the head").click()
+    page.get_by_label("Date").fill("31.02.2026")
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator(".at-field")).to_have_text("Enter degrees, such as 90 (read: 27o).")
+    expect(page.get_by_label("Turned from the nose")).to_be_focused()
+    page.get_by_label("Turned from the nose").fill("270")
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator(".at-field")).to_have_text(
+        "Date: there is no such date as 31.02.2026: check day and month."
+    )
+    expect(page.get_by_label("Date")).to_be_focused()
+    assert not (home / "flight" / "project.yaml").exists()
+    page.get_by_label("Date").fill("28.02.2026")
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
+    project = load_project(home / "flight", unfinished=True)
+    assert (project.mount.yaw_deg, project.mount.pitch_deg) == (270.0, -45.0)
+    assert project.case.date == "28.02.2026"

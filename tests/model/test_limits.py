@@ -6,6 +6,7 @@ import pytest
 
 from uavgram.model.limits import (
     comma_question,
+    find_date_fault,
     has_decimal_comma,
     number_hint,
     replace_decimal_comma,
@@ -55,3 +56,26 @@ def test_other_text_stays_as_it_is(typed: str) -> None:
 )
 def test_what_is_no_number_is_answered_with_the_way_to_write_it(typed: str, way: str) -> None:
     assert way in number_hint(typed, "the column")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "28.02.2026",
+        "29.02.",
+        "2024-02-29",
+        "02/28/2026",
+        "12 March 2026",
+        "1.3.26",
+        "3/2026",
+        "24/7",
+    ],
+)
+def test_dates_and_other_texts_have_no_fault(text: str) -> None:
+    assert find_date_fault(text) == ""
+
+
+@pytest.mark.parametrize("text", ["31.02.", "31.02.2026", "2026-02-31", "02/31/2026", "29.02.2026"])
+def test_a_date_that_does_not_exist_is_named(text: str) -> None:
+    assert find_date_fault(text) == f"there is no such date as {text}: check day and month"

@@ -171,3 +171,22 @@ def test_photos_are_left_out_by_name_and_taken_back(tmp_path: Path) -> None:
     assert load_project(project, unfinished=True).leave_out == ("a, b]: '1'.jpg", "P1.jpg")
     change_left_out(project, ["P1.jpg"], is_taken_back=True)
     assert load_project(project, unfinished=True).leave_out == ("a, b]: '1'.jpg",)
+
+
+def test_a_camera_that_is_turned_on_the_drone_is_written_and_taken_back(folder: Path) -> None:
+    path = set_up(folder, SetupChoices(choices=Choices(), setup=Setup(pitch_deg=-45.0)))
+    assert "\n  yaw_deg" not in path.read_text()  # nobody turned it
+    turned = Setup(pitch_deg=-45.0, yaw_deg=90.0, roll_deg=-5.0)
+    set_up(folder, SetupChoices(choices=Choices(), setup=turned))
+    mount = load_project(path, unfinished=True).mount
+    assert (mount.gimbal, mount.angles_deg()) == ("none", (90.0, -45.0, -5.0))
+    assert inspect_folder(folder).setup == turned
+    set_up(folder, SetupChoices(choices=Choices(), setup=Setup()))
+    assert inspect_folder(folder).setup == Setup()
+
+
+def test_a_date_of_the_case_that_does_not_exist_is_refused_with_its_line(folder: Path) -> None:
+    path = set_up(folder, SetupChoices(choices=Choices(), setup=Setup()))
+    path.write_text(path.read_text() + "case:\n  date: 31.02.2026\n")
+    with pytest.raises(UavgramError, match=r"case.date: there is no such date as 31.02.2026"):
+        load_project(path, unfinished=True)

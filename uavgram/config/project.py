@@ -13,6 +13,7 @@ from uavgram.config.validation import Fault, format_value, validate
 from uavgram.errors import GeometryError, InputError, describe_non_file, suggest_spelling
 from uavgram.geometry.geodesy import normalise_crs
 from uavgram.input_files import binary_kind, unread_format
+from uavgram.model.limits import find_date_fault
 from uavgram.model.naming import BOARD_PLATE, SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
 
@@ -98,6 +99,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
             + _find_unsuitable_crs(data)
             + _find_invalid_board(data)
             + _find_unread_poses(data, path.parent)
+            + _find_impossible_date(data)
         )
         missing += wrong_units
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
@@ -209,6 +211,14 @@ def _find_unread_poses(data: dict[str, Plain], folder: Path) -> tuple[Fault, ...
         for name, kind in kinds.items()
         if kind
     )
+
+
+def _find_impossible_date(data: dict[str, Plain]) -> tuple[Fault, ...]:
+    """Find a date of the case that does not exist."""
+    case = data.get("case")
+    date = case.get("date") if isinstance(case, dict) else None
+    fault = find_date_fault(date) if isinstance(date, str) else ""
+    return (Fault(("case", "date"), fault),) if fault else ()
 
 
 def _expand_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import re
 import unicodedata
 from collections.abc import Collection
@@ -15,6 +16,9 @@ LARGEST_NUMBER = 1e10
 Metres, pixels, degrees and seconds since 1970 are below it; larger values would overflow later
 computations.
 """
+
+LEAP_YEAR = 2024
+"""Year of a date that is written without one: it has a 29 February."""
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """Limits of a standard deviation in metres, pixels, degrees or seconds.
@@ -123,6 +127,26 @@ def find_unshowable(text: str) -> str:
     if not name:
         return f"the control character {character!r}"
     return f"the invisible character U+{ord(character):04X} ({name})"
+
+
+_DATE = re.compile(r"(\d{1,4})([-./])\s*(\d{1,2})(?:\2\s*(\d{2,4})?)?")
+
+
+def find_date_fault(text: str) -> str:
+    """Return why a text in the form of a date is none; empty for dates and for all other texts."""
+    written = _DATE.fullmatch(text.strip())
+    if written is None:
+        return ""
+    first, second, third = int(written[1]), int(written[3]), int(written[4] or LEAP_YEAR)
+    is_year_first = len(written[1]) == len("2026")
+    orders = (third, second, first), (third, first, second), (first, second, third)
+    for year, month, day in orders[2:] if is_year_first else orders[:2]:
+        try:
+            dt.date(year, month, day)
+        except ValueError:
+            continue
+        return ""
+    return f"there is no such date as {text.strip()}: check day and month"
 
 
 def escape_unshowable(text: str) -> str:

@@ -59,6 +59,8 @@ class Setup:
     pitch_deg
         Pitch of a fixed camera: -90 looked straight down, 0 forward; ``auto``: as recorded by the
         drone.
+    yaw_deg, roll_deg
+        Yaw and roll of the optical axis on the drone; ``auto``: 0, or as recorded by the drone.
     reading_sigma_m
         Sigma of a reading of the tape.
     units
@@ -68,6 +70,8 @@ class Setup:
     """
 
     pitch_deg: float | Auto = "auto"
+    yaw_deg: float | Auto = "auto"
+    roll_deg: float | Auto = "auto"
     reading_sigma_m: float = 0.01
     units: Units = METRIC
     case: Case = field(default_factory=Case)
@@ -303,6 +307,8 @@ def read_setup(project: Project) -> Setup:
         fixed = -90.0
     return Setup(
         pitch_deg=fixed,
+        yaw_deg=mount.yaw_deg,
+        roll_deg=mount.roll_deg,
         reading_sigma_m=project.tape.reading_sigma_m,
         units=project.units,
         case=project.case,
@@ -354,9 +360,15 @@ def change_setup(path: Path, setup: Setup) -> None:
 def _changes(before: Setup, after: Setup) -> Settings:
     """Return the changes by section and key."""
     changes: dict[str, str | float | Mapping[str, str | float | None] | None] = {}
-    if after.pitch_deg != before.pitch_deg:
-        fixed = after.pitch_deg != "auto"
-        changes["mount"] = {"gimbal": "none" if fixed else "auto", "pitch_deg": after.pitch_deg}
+    angles = {
+        name: getattr(after, name)
+        for name in ("pitch_deg", "yaw_deg", "roll_deg")
+        if getattr(after, name) != getattr(before, name)
+    }
+    if "pitch_deg" in angles:
+        angles = {"gimbal": "auto" if after.pitch_deg == "auto" else "none", **angles}
+    if angles:
+        changes["mount"] = angles
     if after.reading_sigma_m != before.reading_sigma_m:
         changes["tape"] = {"reading_sigma_m": after.reading_sigma_m}
     if after.units != before.units:

@@ -340,6 +340,9 @@ class RefusedError(UavgramError):
     ----------
     seq
         Sequence number of the message, if it could be read.
+    field
+        Name of the field of a form that has the fault; empty without any.
     """
 
     seq: int | None = None
+    field: str = ""

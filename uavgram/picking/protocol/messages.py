@@ -675,6 +675,13 @@ class NewOutputs(Sent):
     outputs: Outputs
 
 
+class Writing(Sent):
+    """Stage of the writing of outputs that goes on; empty: it has ended."""
+
+    t: Literal["writing"]
+    stage: str
+
+
 class NewProposals(Proposals):
     """New results of the search."""
 
@@ -792,6 +799,7 @@ ServerMessage = (
     | Saved
     | Outside
     | NewOutputs
+    | Writing
     | NewProposals
     | Answer
     | ActionAnswer
@@ -845,6 +853,8 @@ class Setup(TypedDict):
     """Set-up of a project by a person."""
 
     pitch_deg: float | Auto
+    yaw_deg: float | Auto
+    roll_deg: float | Auto
     reading_sigma_m: float
     units: Literal["metric", "imperial", ""]
     case: dict[str, str]

@@ -23,7 +23,12 @@ from uavgram.io.folders import (
     find_flights,
     find_home_and_drives,
 )
-from uavgram.model.limits import LONGEST_NAME, find_unshowable, find_value_fault
+from uavgram.model.limits import (
+    LONGEST_NAME,
+    find_date_fault,
+    find_unshowable,
+    find_value_fault,
+)
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
 from uavgram.picking.document.commands import RefusedError
@@ -36,6 +41,7 @@ NO_LOG: Literal["none"] = "none"
 MAX_RECENT = 8
 MAX_NEWEST = 5
 PREVIEW_PX = 512
+FULL_TURN_DEG = 360.0
 
 
 _FOUND = "photos", "unusable", "logs", "cameras", "poses", "gcp_lists"
@@ -328,8 +334,12 @@ def _setup(said: object, before: Setup) -> Setup:
     if units and units not in SHORT_FORMS:
         raise RefusedError("units are metric or imperial")
     texts: dict[str, Any] = {key: _text(case.get(key, ""), key) for key in CASE}
+    if fault := find_date_fault(texts["date"]):
+        raise _of_field("case-date", f"Date: {fault}.")
     return Setup(
         pitch_deg=_pitch(said.get("pitch_deg", "auto")),
+        yaw_deg=_turn(said.get("yaw_deg", "auto"), "yaw"),
+        roll_deg=_turn(said.get("roll_deg", "auto"), "roll"),
         reading_sigma_m=_sigma(said.get("reading_sigma_m", 0.01), "how well the tape is read"),
         units=SHORT_FORMS[units] if units else before.units,
         case=replace(before.case, **texts),
@@ -346,6 +356,21 @@ def _pitch(said: object) -> float | Auto:
             "down is 90, forward is 0."
         )
     return value
+
+
+def _turn(said: object, field: str) -> float | Auto:
+    if said == "auto":
+        return "auto"
+    value = _number(said, f"the camera's {field}")
+    if abs(value) > FULL_TURN_DEG:
+        raise _of_field(field, f"{value:g} degrees: enter a number from -360 to 360.")
+    return value
+
+
+def _of_field(field: str, text: str) -> RefusedError:
+    fault = RefusedError(text)
+    fault.field = field
+    return fault
 
 
 def _sigma(said: object, what: str) -> float:

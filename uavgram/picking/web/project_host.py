@@ -229,4 +229,5 @@ async def _tab(page: WebSocket) -> None:
 
 def _refuse(why: UavgramError) -> Response:
     log.info("refused: %s", why)
-    return PageJSON({"why": str(why)}, CANNOT)
+    field = why.field if isinstance(why, RefusedError) else ""
+    return PageJSON({"why": str(why), "field": field}, CANNOT)

@@ -7,7 +7,7 @@ export type FullLive = LiveAdjusted | LiveUnadjusted;
 export type Live = LiveAdjusted | LiveUnadjusted | LiveLinearised;
 export type Answer = Snapped | NotSnapped | Side | TiePlaces | Ground;
 export type ActionAnswer = Exported | PhotoFolders | Done;
-export type ServerMessage = InitialState | Changed | LiveAdjusted | LiveUnadjusted | LiveLinearised | CalibrationRunning | CalibrationFailed | CalibrationDone | Refused | Closed | Saved | Outside | NewOutputs | NewProposals | Snapped | NotSnapped | Side | TiePlaces | Ground | Exported | PhotoFolders | Done;
+export type ServerMessage = InitialState | Changed | LiveAdjusted | LiveUnadjusted | LiveLinearised | CalibrationRunning | CalibrationFailed | CalibrationDone | Refused | Closed | Saved | Outside | NewOutputs | Writing | NewProposals | Snapped | NotSnapped | Side | TiePlaces | Ground | Exported | PhotoFolders | Done;
 export type Change = Place | Repeat | Unpick | Forget | Rename | Merge | Split | Swap | SetSigma | SetHeight | SetLine | RemoveLine | SetMeasurement | RemoveMeasurement | All | Undo | Redo | Accept;
 export type Question = Snap | SameGround | SideView | Ties | Refuse | Export | Reload | LeaveOut | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera;
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "coordinate" | "skid_speed" | "speed" | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
@@ -148,6 +148,8 @@ export interface Saved { seq?: number | null; t: "saved"; version: number; fault
 export interface Outside { seq?: number | null; t: "outside"; files: string[] }
 // New outputs.
 export interface NewOutputs { seq?: number | null; t: "outputs"; outputs: Outputs }
+// Stage of the writing of outputs that goes on; empty: it has ended.
+export interface Writing { seq?: number | null; t: "writing"; stage: string }
 // New results of the search.
 export interface NewProposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; searched: number; t: "proposals" }
 // Exact place of a target; without `is_sure` it only looks like the target.
@@ -178,7 +180,7 @@ export interface Step { number: number; name: string }
 // Folders in a folder, and the way to it.
 export interface ListedFolders { number: number | null; way: Step[]; photos: number; are_inner: boolean; is_flight: boolean; has_project: boolean; folders: Listed[] }
 // Set-up of a project by a person.
-export interface Setup { pitch_deg: number | "auto"; reading_sigma_m: number; units: "metric" | "imperial" | ""; case: Record<string, string> }
+export interface Setup { pitch_deg: number | "auto"; yaw_deg: number | "auto"; roll_deg: number | "auto"; reading_sigma_m: number; units: "metric" | "imperial" | ""; case: Record<string, string> }
 // Content of a folder that a project can use.
 export interface Found { number: number; name: string; path: string; has_project: boolean; photos: FoundPhotos[]; cameras: FoundCamera[]; logs: string[]; poses: string[]; gcp_lists: string[]; tables: string[]; unusable: string[]; passed_over: string; setup: Setup; camera: string | null; log: string | null; has_gimbal: boolean | null; fault: string }
 // Request of the start page: a folder, its files to use, and the set-up.

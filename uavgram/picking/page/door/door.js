@@ -5,8 +5,8 @@ import { forgetKept, keep, kept } from "../connection/tab_memory.js";
 import { begunFolder, forget } from "./unsent_settings.js";
 import { showFolders } from "./folders.js";
 import { keepTab } from "./tab_socket.js";
-import { find, goOn, OpenAlready, OpenElsewhere, send } from "./server.js";
-import { showSetup } from "./setup.js";
+import { find, goOn, OpenAlready, OpenElsewhere, send, WrongField } from "./server.js";
+import { showAtField, showSetup } from "./setup.js";
 
 /** @import { Beginning, ListedFolders, Found, Listed, Wanted } from "../connection/protocol.js" */
 
@@ -85,7 +85,7 @@ class Door {
     showSetup(byId("setup"), found, {
       begin: (wanted, hasLengths) => void this.open(wanted, { hasLengths }),
       back: () => { forget(); void this.doing("Looking\u2026", () => this.list(this.at)); },
-      wrong: (why) => this.trouble(why),
+      wrong: (fault) => this.fail(fault),
     });
     this.show("setup");
     this.note({ number, isSetup: true });
@@ -129,11 +129,16 @@ class Door {
     try {
       await act();
     } catch (fault) {
-      this.trouble(fault instanceof Error ? fault.message : "that failed");
+      this.fail(fault);
       if (SECTIONS.every((one) => byId(one).hidden)) await this.list(null).catch(() => null);
     }
     byId("busy").hidden = true;
     document.body.ariaBusy = "false";
+  }
+
+  /** @param {unknown} fault */
+  fail(fault) {
+    if (!(fault instanceof WrongField && showAtField(byId("setup"), fault))) this.trouble(fault instanceof Error ? fault.message : "that failed");
   }
 
   /** @param {string} why @param {[string, () => void][]} ways remedies, as buttons */

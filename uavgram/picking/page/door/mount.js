@@ -1,6 +1,7 @@
 // Orientation of the camera on the drone. Small drawings: a drone from its side, flying to the right.
 
 import { node, shape, textIn } from "../elements/dom.js";
+import { WrongField } from "./server.js";
 
 /** @import { Found, FoundPhotos } from "../connection/protocol.js" */
 
@@ -72,7 +73,7 @@ export function mountPart(found, photos) {
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
       node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words),
       value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks, isPlaced) : meant)))),
-    remark);
+    remark, isPlaced ? turnPart(found) : null);
   const show = () => {
     const way = part.querySelector("input[type=radio]:checked")?.getAttribute("value") ?? "auto";
     remark.textContent = way === "auto" ? "" : replaced(found, looks);
@@ -83,8 +84,33 @@ export function mountPart(found, photos) {
   return part;
 }
 
-/** Reads the angle from a form: degrees above the horizon. @param {FormData} form @returns {number | "auto"} */
-export function pitchIn(form) {
+/** A camera that was turned or tilted on the drone, which is rare. @param {Found} found */
+function turnPart({ setup }) {
+  /** @param {"yaw" | "roll"} name @param {string} words */
+  const field = (name, words) => {
+    const set = setup[`${name}_deg`];
+    return node("label", {}, words, node("span", {}, node("input", { name, value: set === "auto" ? "" : set, size: 5, autocomplete: "off", placeholder: "0" }), " \u00b0"));
+  };
+  return node("details", { class: "turned", open: setup.yaw_deg !== "auto" || setup.roll_deg !== "auto" }, node("summary", {}, "It was turned or tilted on the drone (rare)"),
+    node("div", { class: "pair" },
+      field("yaw", "Turned from the nose: 90 right, 180 back, 270 left. Straight down: where the top of the picture points"),
+      field("roll", "Tilted about its line of sight: right side down")),
+    node("p", { class: "dim" }, "Empty: not turned, or as recorded."));
+}
+
+/** Reads the angles from a form: pitch in degrees above the horizon. @param {FormData} form */
+export const anglesIn = (form) => ({ pitch_deg: pitchIn(form), yaw_deg: turnIn(form, "yaw"), roll_deg: turnIn(form, "roll") });
+
+/** @param {FormData} form @param {string} name @returns {number | "auto"} */
+function turnIn(form, name) {
+  const written = textIn(form, name);
+  const deg = Number(written.replace(",", ".").replace("\u2212", "-"));
+  if (Number.isNaN(deg)) throw new WrongField(`Enter degrees, such as 90 (read: ${written}).`, name);
+  return written ? deg : "auto";
+}
+
+/** @param {FormData} form @returns {number | "auto"} */
+function pitchIn(form) {
   const way = textIn(form, "pitch");
   if (!way) throw new Error("How did the camera hang? Choose one of the drawings.");
   if (way !== OTHER) return way === "auto" ? "auto" : Number(way);

@@ -22,6 +22,16 @@ export class OpenElsewhere extends Error {
   }
 }
 
+/** What was entered in a field cannot be used; holds the field's name. */
+export class WrongField extends Error {
+  /** @param {string} why @param {string} field */
+  constructor(why, field) {
+    super(why);
+    this.name = "WrongField";
+    this.field = field;
+  }
+}
+
 const GONE = "The program does not answer: it has ended. Start uavgram again, as before; everything is saved.";
 
 /** Loads the page that the server chooses: the start page, or that of the open project. */
@@ -40,7 +50,8 @@ async function answered(asked) {
   /** @type {unknown} */
   const said = await answer.json().catch(() => ({}));
   if (!answer.ok) {
-    const { why = "The program failed; its window says where.", open, there } = /** @type {{ why?: string, open?: string, there?: string }} */ (said);
+    const { why = "The program failed; its window says where.", open, there, field } = /** @type {{ why?: string, open?: string, there?: string, field?: string }} */ (said);
+    if (field) throw new WrongField(why, field);
     if (there !== undefined) throw new OpenElsewhere(why, there);
     throw open === undefined ? new Error(why) : new OpenAlready(why, open);
   }

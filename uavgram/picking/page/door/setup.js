@@ -3,7 +3,8 @@
 import { keyed } from "../connection/key.js";
 import { as, node, textIn } from "../elements/dom.js";
 import { keepSet } from "./unsent_settings.js";
-import { mountPart, pitchIn } from "./mount.js";
+import { anglesIn, mountPart } from "./mount.js";
+import { WrongField } from "./server.js";
 
 /** @import { Child } from "../elements/dom.js" */
 /** @import { Found, FoundPhotos, Wanted } from "../connection/protocol.js" */
@@ -29,7 +30,7 @@ function kindsOf(photos) {
 /** @param {Kind} kind */
 const countOf = ({ photos }) => photos.reduce((sum, { count }) => sum + count, 0);
 
-/** @param {Element} section @param {Found} found @param {{ begin: (wanted: Wanted, hasLengths: boolean) => void, back: () => void, wrong: (why: string) => void }} act */
+/** @param {Element} section @param {Found} found @param {{ begin: (wanted: Wanted, hasLengths: boolean) => void, back: () => void, wrong: (fault: unknown) => void }} act */
 export function showSetup(section, found, act) {
   const kinds = kindsOf(found.photos);
   const heading = node("h2", { id: "setup-title", tabindex: -1 }, found.has_project ? `${found.name}: a project is here already` : found.name);
@@ -42,7 +43,7 @@ export function showSetup(section, found, act) {
     try {
       act.begin(wantedOf(found, kinds, new FormData(form)), hasLengths && !found.has_project);
     } catch (fault) {
-      act.wrong(fault instanceof Error ? fault.message : "that failed");
+      act.wrong(fault);
     }
   };
   const camera = node("div", {});
@@ -167,8 +168,23 @@ const casePart = ({ setup }) => node("details", { class: "case", open: Object.va
 function positive(form, name, what) {
   const written = textIn(form, name);
   const value = Number(written.replace(",", "."));
-  if (!(value > 0)) throw new Error(`${what}: enter a number greater than 0 (read: ${written || "nothing"}).`);
+  if (!(value > 0)) throw new WrongField(`${what}: enter a number greater than 0 (read: ${written || "nothing"}).`, name);
   return value;
+}
+
+/** Shows what is wrong with a field beneath it; returns whether the field is there. @param {Element} section @param {WrongField} fault */
+export function showAtField(section, { field, message }) {
+  for (const one of section.querySelectorAll(".at-field")) one.remove();
+  const input = section.querySelector(`[name="${CSS.escape(field)}"]`);
+  if (!(input instanceof HTMLInputElement)) return false;
+  const words = node("span", { class: "at-field", role: "alert" }, message);
+  const around = input.closest("details");
+  if (around) around.open = true;
+  (input.closest("label") ?? input.parentElement)?.append(words);
+  input.addEventListener("input", () => words.remove(), { once: true });
+  input.focus();
+  input.scrollIntoView({ block: "center" });
+  return true;
 }
 
 /** @param {Found} found @param {Kind[]} kinds @param {FormData} form @returns {Wanted} */
@@ -184,7 +200,7 @@ function wantedOf(found, kinds, form) {
     log: textIn(form, "log") || null, poses: textIn(form, "poses") || null, camera: textIn(form, "camera") || null,
     gcp_list: textIn(form, "gcp") ? found.gcp_lists[0] : null, gcp_sigma_m: textIn(form, "gcp") ? positive(form, "gcp_sigma", "Points with known coordinates") * CM : 0.02,
     setup: {
-      pitch_deg: pitchIn(form), units: units === "metric" || units === "imperial" ? units : "",
+      ...anglesIn(form), units: units === "metric" || units === "imperial" ? units : "",
       reading_sigma_m: Number((positive(form, "sigma", "Tape") * (units === "imperial" ? INCH : CM)).toPrecision(6)),
       case: Object.fromEntries(CASE.map(([key]) => [key, textIn(form, `case-${key}`)])),
     },
