@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol, TypeVar
 
+from uavgram.model.work import report_work
+
 Item = TypeVar("Item")
 
 
@@ -15,8 +17,8 @@ class Progress(Protocol):
         """Yield items, one by one, as they are taken."""
 
 
-def silent(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:  # noqa: ARG001
-    """Pass on the items and show nothing.
+def silent(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
+    """Pass on the items and show nothing; a watcher of this thread learns of each.
 
     Parameters
     ----------
@@ -27,4 +29,6 @@ def silent(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:  
     total
         Number of items.
     """
-    return items
+    for k, item in enumerate(items):
+        report_work(f"{what}: {k + 1} of {total}")
+        yield item

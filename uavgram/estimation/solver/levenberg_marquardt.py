@@ -17,6 +17,7 @@ import numpy as np
 from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, compute_cost
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats
+from uavgram.model.work import report_work
 
 State = TypeVar("State")
 
@@ -228,6 +229,7 @@ class _Iteration(Generic[State]):
         factor: Factor | None = None
         before = np.inf
         while self.count < most:
+            report_work()
             if self.count == most // 2:
                 self.halfway = self.cost
             self.count += 1

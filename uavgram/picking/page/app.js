@@ -57,7 +57,7 @@ class App {
     this.filmstrip = new Filmstrip(panes);
     this.tools = new Tools({ state, link, notice, panes, rebuild: () => this.rebuild(), moved: () => this.refreshSoon(MARKS), showForms: () => this.panel.setTab("measure") });
     this.navigation = new Navigation({ state, notice, panes, tools: this.tools, newStep: () => link.newStep() });
-    this.project = new ProjectActions({ state, link, notice, settle: () => this.tools.settleEntry(), showPanel: () => this.panel.show(), written: () => this.panel.setTab("results"),
+    this.project = new ProjectActions({ state, link, notice, settle: () => this.tools.settleEntry(), showPanel: () => this.panel.show(), written: () => { this.notice.hide(); this.panel.setTab("results"); },
       stays: () => { this.filmstrip.loadThumbnails(); for (const pane of panes.all) pane.redraw(); } });
     const side = new SideView({ state, link, notice, show: () => this.panel.show() });
     this.panel = new Panel({ state, panes, side, tools: this.tools, project: this.project });

@@ -14,6 +14,7 @@ from anyio import to_thread
 
 from uavgram.errors import UavgramError
 from uavgram.io.photos.catalogue import UnusablePhotosError
+from uavgram.model.work import watch_work
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
@@ -29,8 +30,17 @@ from uavgram.pipeline.setup import change_left_out
 
 log = logging.getLogger(__name__)
 
+SHOW_EVERY_S = 0.3
+"""Shortest time between two messages on a loop [s]."""
+
+STOPPED = "Stopped: nothing was written. Earlier results are unchanged."
+
 Run = Callable[[], object]
 Keep = Callable[[Inputs], Tables]
+
+
+class _StoppedError(BaseException):
+    """A person stopped the run: it is no fault that a stage could mend."""
 
 
 class OpenProject:
@@ -66,6 +76,7 @@ class OpenProject:
         self._written_then = self._describe_outputs()
         self._aside = find_oldest(self.outputs.folder)
         self.refuses = ""
+        self._is_stopped = False
 
     def open(self) -> None:
         """Start the picking session."""
@@ -158,7 +169,7 @@ class OpenProject:
                 return {"t": "exported", "why": self.picking.fault}
             version, damage = self.picking.version, None
             try:
-                await to_thread.run_sync(self._run)
+                await to_thread.run_sync(self._write)
             except UnusablePhotosError as why:  # lost or damaged while the page is open
                 damage = why
         if damage is not None:
@@ -169,6 +180,33 @@ class OpenProject:
         written: m.Outputs = {**self._written_then, "version": version}
         self._broadcast({"t": "outputs", "outputs": written})
         return {"t": "exported", "outputs": written}
+
+    def _write(self) -> None:
+        """Run the project, and broadcast the names of the stages."""
+        shown_at_s = 0.0
+        self._is_stopped = False
+
+        def watch(stage: str) -> None:
+            nonlocal shown_at_s
+            if self._is_stopped:
+                raise _StoppedError
+            now_s = time.monotonic()
+            is_loop = ":" in stage  # which has many of these
+            if stage and not (is_loop and now_s - shown_at_s < SHOW_EVERY_S):
+                shown_at_s = now_s
+                self._broadcast({"t": "writing", "stage": stage})
+
+        try:
+            with watch_work(watch):
+                self._run()
+        except _StoppedError:
+            raise RefusedError(STOPPED) from None
+        finally:
+            self._broadcast({"t": "writing", "stage": ""})
+
+    def stop_writing(self) -> None:
+        """Stop a run before its files are in place; it ends at its next step."""
+        self._is_stopped = True
 
     async def _deal_with_aside(self, *, take: bool) -> int:
         """Apply or discard the changes of an earlier session; return how many do not fit."""

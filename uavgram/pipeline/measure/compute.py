@@ -38,6 +38,7 @@ from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.result import Result, SharedResult, compare_cameras
 from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteCarloResults
 from uavgram.model.survey import Survey, World
+from uavgram.model.work import report_work
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
 from uavgram.pipeline.measure.judge import judge_survey
 from uavgram.pipeline.measure.observations import (
@@ -136,6 +137,7 @@ def compute(
     inputs = apply_corrections(inputs, assembled, mended)
     adjustment = refined.adjustment
     values = propagate(adjustment, inputs.requests, posed.frames, set(inputs.picks.label))
+    report_work("compute the measurements, and what checks them")
     measured = _measure(inputs, posed.frames, refined, values, curved=curved)
     sampled, sampled_messages = _run_monte_carlo(
         inputs, posed.frames, adjustment, measured.table, sampling

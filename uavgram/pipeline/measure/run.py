@@ -18,6 +18,7 @@ from uavgram.io.outputs import stage_output
 from uavgram.model.maps import Paper, PlanPaper
 from uavgram.model.naming import join_names
 from uavgram.model.result.result import Result
+from uavgram.model.work import report_work
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.tie_points import add_found_ties, are_ties_missing, pose_before_ties
@@ -38,6 +39,7 @@ class Journal:
     def step(self, name: str) -> Iterator[None]:
         """Time a step; a failed step leaves no record, as the run leaves no file."""
         log.info("%s", name)
+        report_work(name)
         started = time.perf_counter()
         yield
         self.note("step", name=name, seconds=round(time.perf_counter() - started, 4))

@@ -22,6 +22,7 @@ from uavgram.estimation.survey.adjustment import Refined, Removal, explain
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
+from uavgram.model.work import report_work
 from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise, find_participants
 from uavgram.stages.refine.blunder_removal import MAX_REMOVED_SHARE, find_blunder
 from uavgram.stages.refine.causes.common_length_errors import report_possible_errors
@@ -82,6 +83,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     tied, shown = tuple(report_ties(survey, sound)), sound.shown.off_ground
     removed = np.zeros(len(survey.pick_frame), dtype=np.bool_)
     # Adjust at the stated noise, correct one cause after the other, and readjust.
+    report_work("adjust, and look for wrong picks and lengths")
     begun = adjust_at_stated_noise(sound.survey, removed, options, shown)
     mends: tuple[Removal, ...] = ()
     while options.outliers == "remove" and len(mends) < MAX_CORRECTIONS:
@@ -94,6 +96,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         )
     taken_out = begun.refined.pick_removed
     # Check the readout time, then learn the noise from the residuals.
+    report_work("learn how exact the picks are, and adjust again")
     survey, refined, readout = correct_readout(begun.survey, begun.refined)
     if options.noise == "estimate":
         survey, refined = estimate_noise(survey, refined)

@@ -30,6 +30,7 @@ import { useUnits } from "../elements/units.js";
  * @property {string[]} outside
  * @property {number | null} aside number of changes that an earlier session could not save
  * @property {Calibration | null} calibration
+ * @property {string} writing the stage of the writing of results; empty: nothing is written
  * @property {Map<string, Pick>} picks "image|label" -> pick
  * @property {string[]} repeated "image|label" of repeated clicks
  * @property {Line[]} lines
@@ -77,6 +78,7 @@ export const store = {
   outside: [],
   aside: null,
   calibration: null,
+  writing: "",
   picks: new Map(),
   repeated: [],
   lines: [],
@@ -116,6 +118,7 @@ export function receive(message, moved) {
   else if (message.t === "outputs") store.outputs = message.outputs;
   else if (message.t === "proposals") proposed(message);
   else if (message.t === "calibration") store.calibration = message;
+  else if (message.t === "writing") store.writing = message.stage;
   return true;
 }
 

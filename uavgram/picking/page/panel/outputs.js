@@ -10,8 +10,8 @@ import { MOST_SHOWN } from "./proposals.js";
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Outputs } from "../connection/protocol.js" */
 
-/** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll @param {Proposals} found */
-export function showOutputs(foot, exporting, exportAll, found) {
+/** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll @param {() => void} stop @param {Proposals} found */
+export function showOutputs(foot, exporting, exportAll, stop, found) {
   const { outputs, version } = store;
   if (!outputs) return;
   const old = outputs.files.length > 0 && outputs.version !== version;
@@ -23,11 +23,29 @@ export function showOutputs(foot, exporting, exportAll, found) {
   const searching = isSearching();
   const made = keep("outputs", [outputs, old, exporting, level, words, lost, all, searching], () => node("div", {},
     node("div", { class: "row" },
-      node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting || lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
-        exporting ? "Writing\u2026" : words),
+      exporting ? null : node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
+        words),
+      ...(exporting ? [stage, node("button", { name: "stop-writing", title: "Earlier results stay as they are", onclick: stop }, "Stop")] : []),
       all.length && !exporting && !lost ? node("button", { name: "accept-export", disabled: searching, title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,
       node("span", { class: "dim", role: "status" }, exporting || lost ? "" : searching ? "still looking in other photos" : age(outputs, old)))));
   if (foot.firstChild !== made) foot.replaceChildren(made);
+  showStage(exporting);
+}
+
+const stage = node("span", { class: "stage", role: "status" });
+let begun = 0; // time at which the writing began
+let ticking = 0; // timer
+
+// Shows the stage of the run, as the program names it, and how long it has taken.
+/** @param {boolean} exporting */
+function showStage(exporting) {
+  if (!exporting) begun = 0;
+  clearTimeout(ticking);
+  if (!exporting) return;
+  begun ||= performance.now();
+  const words = store.writing || "save";
+  stage.textContent = `${words.slice(0, 1).toUpperCase()}${words.slice(1)}\u2026 ${Math.round((performance.now() - begun) / 1000)} s`;
+  ticking = setTimeout(() => showStage(true), 1000);
 }
 
 // What one click may accept: all finds if each has its picture in the list, else those that need no inspection.
