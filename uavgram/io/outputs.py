@@ -211,6 +211,11 @@ def check_saved(folder: Path) -> None:
         )
 
 
+def list_put_aside(folder: Path) -> list[Path]:
+    """Return the journals whose changes did not fit the tables, oldest first."""
+    return sorted(folder.glob(f"{Path(JOURNAL).stem}-*{Path(JOURNAL).suffix}"))
+
+
 PREFIX = ".uavgram-unfinished-"
 IN_USE_PREFIX = ".uavgram-in-use-"
 """Prefix of a lock, followed by the rest of the hidden folder's name, held by the writing run."""

@@ -320,6 +320,18 @@ def place_of(begun: Mapping[str, Any], label: str) -> tuple[float, float, Height
     return pick["u_px"], pick["v_px"], height
 
 
+def test_a_run_reports_it_until_it_is_dealt_with(project: Path, tmp_path: Path) -> None:
+    for name, header in PICKED.items():
+        if not (tmp_path / f"{name}.csv").exists():
+            (tmp_path / f"{name}.csv").write_bytes(create_table(header, ()))
+    code = "pick-not-recovered"
+    with opened(project) as (open_project, _):
+        (told,) = [one for one in read_inputs(project).messages if one.code == code]
+        assert "pick-journal-" in told.text
+        ask(open_project, "discard-aside")
+    assert code not in [one.code for one in read_inputs(project).messages]
+
+
 def test_it_is_taken_over_in_one_step_beside_what_the_other_did(
     project: Path, tmp_path: Path
 ) -> None:

@@ -125,7 +125,8 @@ NEW_PROJECT = (
         WARNING,
         finding="An earlier session ended without saving, and its changes do not fit the tables.",
         consequence="They are kept in the file that the message names.",
-        action="Compare that file with the tables, and repeat the missing changes.",
+        action="Open the project with `uavgram pick` and take or discard them, or compare that "
+        "file with the tables and repeat the missing changes.",
     ),
 )
 

@@ -27,7 +27,7 @@ from typing import Any, get_args
 from uavgram.errors import OutputError, UavgramError
 from uavgram.io.files import open_own, read_own
 from uavgram.io.json_codec import parse_json
-from uavgram.io.outputs import JOURNAL
+from uavgram.io.outputs import list_put_aside
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
@@ -282,7 +282,7 @@ class SetAside:
 
 def find_oldest(folder: Path) -> SetAside | None:
     """Return the oldest journal of a folder that was put aside and holds changes; None if none."""
-    for path in sorted(folder.glob(f"{Path(JOURNAL).stem}-*{Path(JOURNAL).suffix}")):
+    for path in list_put_aside(folder):
         try:
             left = load_journal(path)
         except (UavgramError, OSError):

@@ -20,7 +20,7 @@ from uavgram.imaging.photos.decoding import is_same_exposure
 from uavgram.input_files import UnusableFile
 from uavgram.io.files import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.outputs import LOCK, check_saved, is_locked
+from uavgram.io.outputs import LOCK, check_saved, is_locked, list_put_aside
 from uavgram.io.photos.catalogue import MAX_NAMED, UnusablePhotosError, list_absent, read_photos
 from uavgram.io.photos.metadata import exif_text, read_camera_tags, read_exif_tags
 from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_pose_sources
@@ -203,6 +203,17 @@ class Inputs:
         return tuple(self.folder / digest.path for digest in self.digests)
 
 
+def _report_put_aside(output: Path) -> tuple[Message, ...]:
+    """Report journals of sessions whose changes are not in the tables."""
+    names = [path.name for path in list_put_aside(output)]
+    text = (
+        f"{join_names(names)} in {output}: changes of a picking session that ended without saving "
+        "are not in the tables, as they did not fit them. `uavgram pick` offers to take or to "
+        "discard them; or move the file away."
+    )
+    return (Message("warning", "pick-not-recovered", text),) if names else ()
+
+
 def read_inputs(
     path: Path,
     *,
@@ -279,6 +290,8 @@ def read_inputs(
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
     notes = () if log is None else log_messages(log)
+    if not unfinished:
+        notes += _report_put_aside(output)
     files = [*list_named_files(path, project, picks_file, lines_file, measure_file), *photos.path]
     return Inputs(
         project_path=str(path),
