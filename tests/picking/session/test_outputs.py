@@ -5,13 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
+import synthetic_survey
 from open_projects import change, opened
 from pick_pages import small_project
 
 from uavgram.picking.protocol.messages import Json
-from uavgram.picking.session.outputs import Outputs
+from uavgram.picking.session.outputs import Outputs, results_json
 from uavgram.picking.session.project import OpenProject
 
 
@@ -66,3 +69,16 @@ def test_a_file_beside_a_locked_one_is_shown_in_its_place(tmp_path: Path) -> Non
     assert outputs.list_files() == [{"name": "report.html", "words": "Report: report.newer.html"}]
     os.utime(tmp_path / "report.html", (2, 2))
     assert outputs.read("report.html") == b"report.html"
+
+
+def test_measurements_that_are_not_in_order_come_first() -> None:
+    result = synthetic_survey.build()
+    rows = result.measurements
+    last = results_json(result)["measurements"][-1]["name"]
+    status: list[Literal["ok", "not-checked"]] = [
+        "not-checked" if name == last else "ok" for name in rows.name
+    ]
+    changed = replace(result, measurements=replace(rows, status=tuple(status)))
+    names = [one["name"] for one in results_json(changed)["measurements"]]
+    assert names[0] == last
+    assert sorted(names) == sorted(rows.name)

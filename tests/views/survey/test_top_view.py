@@ -13,7 +13,15 @@ from drawn_texts import check_texts, in_svg
 
 from uavgram.model.result.result import Result
 from uavgram.views.survey.drawing import Look
-from uavgram.views.survey.top_view import ARROW, KeyPlan, TopView, key_plan, top_view
+from uavgram.views.survey.top_view import (
+    ARROW,
+    KeyPlan,
+    TopView,
+    count_unnamed,
+    key_plan,
+    mark_used_points,
+    top_view,
+)
 
 
 def stroke(look: Look) -> str:
@@ -290,3 +298,22 @@ def test_without_poses_there_is_no_key_plan_and_without_a_log_no_north() -> None
     assert key_plan(replace(made, frames=frames)) is None
     for result, text in ((made, "N"), (survey.build(telemetry=False), "up in photo 1")):
         assert text in [one.text for one in key_drawing(result).drawing.written]
+
+
+def test_ends_of_measured_lines_without_a_name_are_not_named_on_the_first_page() -> None:
+    labels = [f"P{i:02d}" for i in range(60)]
+    measures: tuple[survey.Measure, ...] = tuple(
+        (f"D{i}", "distance", (labels[2 * i], labels[2 * i + 1]), "m") for i in range(30)
+    )
+    result = survey.build(measures=measures, point_count=70)
+    view = top_view(result, shown=mark_used_points(result))
+    assert view is not None
+    measured = {
+        text.text.partition(":")[0] for text in view.drawing.texts if text.kind == "measured"
+    }
+    assert len(measured) == len(measures) - count_unnamed(result) == 12
+    named = {text.text for text in view.drawing.texts if text.kind == "name"}
+    ends = {label for name, _, points, _ in measures if name in measured for label in points}
+    assert ends <= named
+    known = {*result.lines.start, *result.lines.end, *result.point_checks.label}
+    assert not named & ({*labels} - ends - known.union(*result.known.points))

@@ -158,7 +158,10 @@ class Outputs:
 
 
 def results_json(result: Result) -> m.Results:
-    """Return verdict, measurements and case of a result, in the units of its project."""
+    """Return verdict, measurements and case of a result, in the units of its project.
+
+    Measurements that are not in order come first.
+    """
     words, units = verdict_words(result), units_of(result)
     keep, exact = list_names_like_lengths(result), exact_lengths(result)
 
@@ -186,7 +189,7 @@ def results_json(result: Result) -> m.Results:
                 "status": rows.status[k],
                 "words": status_text(rows, k),
             }
-            for k in map(int, order_shapes_first(rows))
+            for k in sorted(order_shapes_first(rows), key=lambda row: rows.status[row] == "ok")
             for text in [measurement_text(rows, k, units)]
         ],
     }

@@ -72,7 +72,7 @@ from uavgram.views.survey.reliability import (
     significance_of,
     weakest_table,
 )
-from uavgram.views.survey.top_view import key_plan, top_view
+from uavgram.views.survey.top_view import count_unnamed, key_plan, top_view
 from uavgram.views.survey.verdict import verdict_words
 from uavgram.views.tables import Cell, Row, Table, make_table
 from uavgram.views.units import units_of
@@ -361,6 +361,7 @@ def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object
     """Draw the views from above: both plans, and the key plan of the photos."""
     return {
         "plan_view": report_plan(result, first, pictures),
+        "plan_unnamed": count_unnamed(result),
         "view": top_view(result, BESIDE_HEIGHT),
         "has_ground": pictures.ground is not None,
         "brightened": pictures.ground is not None and pictures.ground.brightened,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise, takewhile
 from typing import NamedTuple
@@ -193,10 +193,19 @@ class Layout(NamedTuple):
     ellipse_m: float
 
 
-def list_used_labels(result: Result) -> frozenset[str]:
-    """Return the labels of the points used by a measurement, a known quantity or a check."""
-    lines, checks = result.lines, result.point_checks.label
-    groups = (*result.measurements.points, *result.known.points)
+def list_used_labels(result: Result, measured: Iterable[int] | None = None) -> frozenset[str]:
+    """Return the labels of the points used by a measurement, a known quantity or a check.
+
+    Parameters
+    ----------
+    result
+        The survey.
+    measured
+        Rows of the measurements that count; by default all.
+    """
+    lines, checks, points = result.lines, result.point_checks.label, result.measurements.points
+    rows = range(len(points)) if measured is None else measured
+    groups = (*(points[row] for row in rows), *result.known.points)
     return frozenset((*lines.start, *lines.end, *checks)).union(*groups)
 
 
@@ -416,6 +425,12 @@ def is_doubtful(result: Result) -> Bools:
     return np.asarray(np.array(doubtful, np.bool_) | rows.is_ambiguous)
 
 
+def count_unnamed(result: Result) -> int:
+    """Return how many measured values, the most certain of many, need no name in a drawing."""
+    count = len(measured_strips(result))
+    return 0 if count <= MANY_LINES else count - MAX_MEASURED
+
+
 def survey_texts(
     drawing: Drawing, sheet: Sheet, result: Result, named: Bools | None, *, is_full: bool = False
 ) -> list[TextRequest]:
@@ -428,8 +443,9 @@ def survey_texts(
     result
         The survey.
     named
-        (K,) the points that have names in any case, by default all; others have one if there is
-        room beside them, and if there are not many points.
+        (K,) the points that have names in any case, by default all; of these not the ends of
+        measured lines that have no name. Others have one if there is room beside them, and if
+        there are not many points.
     is_full
         Whether values have their sigmas and points their heights, and of many measured values all
         are named for which there is room, along their lines; otherwise only the least certain ones.
@@ -438,7 +454,7 @@ def survey_texts(
     doubt, texts = is_doubtful(result), list[TextRequest | None]()
     where: Where = "along" if is_full else "near"
     shown = [int(i) for i in order_worst_first(rows) if int(i) in measured]
-    needed = len(shown) if len(shown) <= MANY_LINES else MAX_MEASURED
+    needed = len(shown) - count_unnamed(result)
     for k, i in enumerate(shown if is_full else shown[:needed]):
         words = measurement_text(rows, i, units).value if is_full else ""
         words = words or format_value(
@@ -469,6 +485,9 @@ def survey_texts(
         texts.append(_along(drawing, sheet(strip), name, "known", ink, where))
     spots, heights = sheet(result.points.position_world_m), _heights(result) if is_full else {}
     needed_names = np.ones(len(spots), np.bool_) if named is None else named
+    if named is not None and needed < len(shown):  # ends of lines without names have none either
+        ends = list_used_labels(result, shown[:needed])
+        needed_names = needed_names & np.array([one in ends for one in result.points.label])
     wanted = needed_names | (len(spots) <= MANY_POINTS)
     for row in np.flatnonzero(_is_inside(drawing, spots) & wanted).tolist():
         text = f"{result.points.label[row]} {heights.get(row, '')}".rstrip()

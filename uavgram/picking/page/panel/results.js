@@ -61,8 +61,9 @@ const headline = ({ level, headline: words, first, counts, case: about, made }) 
 
 /** @param {Results} results */
 function measurements({ measurements: rows }) {
+  const kinds = new Set(rows.map(({ kind }) => kind));
   if (!rows.length) return node("p", {}, "Nothing was measured: use Distance, Area or another tool, and write the results again.");
-  return table("Results", ["measurement", "what", "value", "true in 19 of 20 cases within", "status"], rows.map((one) => tableRow({}, cell({}, one.name, node("div", { class: "dim" }, one.points.join(" \u2013 "))), one.kind,
+  return table("Results", [kinds.size === 1 ? [...kinds][0] : "measurement", "value", "true in 19 of 20 cases within", "status"], rows.map((one) => tableRow({}, cell({}, node("b", {}, one.name), " ", node("span", { class: "dim" }, kinds.size > 1 ? `${one.kind} ` : "", one.points.join(" \u2013 "))),
     cell({ class: one.status === "contradicted" ? "is-contradicted" : "" }, node("b", {}, one.value), one.others ? node("div", { class: "dim" }, one.others) : null), one.interval, cell({ class: `status ${one.status}` }, one.words))));
 }
 
