@@ -71,19 +71,30 @@ def find_first_values(survey: Survey) -> list[FirstValues]:
     shown = replace_matches_by_picks(survey)
     begun = find_frame_planes(shown, _compute_rays(shown))
     counts, planes = begun.counts, begun.planes
-    own: list[ChosenPoses] = []
-    if planes:
-        first = max(planes, key=lambda f: (counts[f], -f))
-        own = [{first: pose_above_plane(p)} for p in planes[first]]
+    first = max(planes, key=lambda f: (counts[f], -f), default=-1)
+    own: list[ChosenPoses] = [{first: pose_above_plane(p)} for p in planes.get(first, ())]
     if survey.gauge == "world":
-        on_control = _extend_choices(survey, planes, _list_choices(survey))
+        choices = _list_choices(survey)
+        on_control = _extend_choices(survey, planes, choices) if choices[0] else []
         if _is_any_placed(on_control):
             return on_control
+        # Planes by lengths and control together, then by lengths alone: control may be wrong.
+        taped = _add_control_distances(shown)
+        together = find_frame_planes(taped, _compute_rays(taped)).planes
+        each = [
+            {**planes, **together, frame: plane[None]}
+            for found in (together, planes)
+            for frame in sorted(found, key=lambda f: (-counts[f], f))[:1]
+            for plane in found[frame]
+        ]
+        on_planes = [one for some in each for one in _extend_choices(survey, some, choices[:1])]
+        if _is_any_placed(on_planes):
+            return [one for one in on_planes if _is_any_placed([one])]
         local = _extend_choices(replace(survey, gauge="plane"), planes, own)
         moved = [_move_to_control(survey, values) for values in local]
         if not _is_any_placed(moved):
             raise GeometryError(
-                "without a flight log a photo is placed by four control points in it, or two and "
+                "without a flight log a photo is placed by three control points in it, or two and "
                 "three known lengths, or six points on four lines of known position: pick more of "
                 "them, or give the log"
             )
@@ -269,7 +280,8 @@ def _is_any_placed(values: Sequence[FirstValues]) -> bool:
 
 
 MOST_EXCHANGED = 12
-"""Number of control points up to which exchanges of two of them are tried."""
+"""Number of control points up to which exchanges of two of them are tried, and their distances
+used."""
 
 AGREEMENT_SHARE = 0.02
 """Largest distance of a control point from its place in the network of photos, as a share of the
@@ -339,6 +351,23 @@ def _state_control_heights(survey: Survey, height_m: float) -> Survey:
     free[label] = False
     above[label] = survey.control_world_m[rows, 2] - height_m
     return replace(survey, is_free=free, height_above_m=above)
+
+
+def _add_control_distances(survey: Survey) -> Survey:
+    """Add the distances between control points in one plane, as if they were taped."""
+    rows = np.flatnonzero(~survey.is_free[survey.control_label])[:MOST_EXCHANGED]
+    one, other = (rows[k] for k in np.triu_indices(len(rows), 1))
+    place, sigma = survey.control_world_m, survey.control_sigma_m.max(axis=1, initial=0.0)
+    return replace(
+        survey,
+        line_start=np.append(survey.line_start, survey.control_label[one]),
+        line_end=np.append(survey.line_end, survey.control_label[other]),
+        length_m=np.append(survey.length_m, np.linalg.norm(place[one] - place[other], axis=1)),
+        length_sigma_m=np.append(survey.length_sigma_m, np.hypot(sigma[one], sigma[other])),
+        line_name=(),
+        line_tape=(),
+        line_along=(),
+    )
 
 
 def _move_to_gauge(values: FirstValues) -> FirstValues:
