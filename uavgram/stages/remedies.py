@@ -89,58 +89,6 @@ def report_not_located(names: ObservationNames, suspicion: Suspicion, detail: st
     )
 
 
-def report_one_of(
-    suspects: Sequence[str],
-    left_out: Sequence[str],
-    action: str,
-    *,
-    others: Sequence[Message] = (),
-    frames: Sequence[str] = (),
-    labels: Sequence[str] = (),
-    lengths: Sequence[str] = (),
-    removals: Iterable[Remedy | None] = (),
-) -> Message:
-    """Report that one of several readings is wrong, where the rest fits without any of them.
-
-    Parameters
-    ----------
-    suspects, left_out
-        Words for all of them, and for those that take no part.
-    action
-        Sentences on what to do.
-    others
-        Other mistakes that explain as much.
-    frames, labels, lengths
-        Names of the observations.
-    removals
-        Corrections that remove one of them.
-    """
-    were = "was" if len(left_out) == 1 else "were"
-    named = join_names(suspects, link="or")
-    finding = f"One of these is wrong: {named}"
-    if others:
-        mistakes = (one.split_text(": ")[0].removesuffix(".") for one in others)
-        finding = f"Either {named} is wrong, or {', or '.join(map(_lower_first, mistakes))}"
-        action = f"{action}, or look whether the other mistake was made"
-    text = (
-        f"{finding}. All the rest fits without any one of them, and nothing shows which. Of these, "
-        f"{join_names(left_out)} {were} left out. {action}."
-    )
-    return Message(
-        "warning",
-        "blunder-not-located",
-        text,
-        frames=tuple(dict.fromkeys((*frames, *(x for one in others for x in one.frames)))),
-        labels=tuple(dict.fromkeys((*labels, *(x for one in others for x in one.labels)))),
-        lengths=tuple(dict.fromkeys((*lengths, *(x for one in others for x in one.lengths)))),
-        instead=tuple(one for one in read_first(removals) if one is not None),
-    )
-
-
-def _lower_first(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]
-
-
 def make_remedy(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     """Describe a correction by name; None where it changes no stated value.
 

@@ -303,8 +303,10 @@ def test_a_click_that_nothing_but_a_wrong_length_checks_may_be_wrong_instead(
     refined, _ = refine(replace(given, length_m=length, pixel_px=pixel), REPORT)
 
     assert np.flatnonzero(refined.line_removed).tolist() == [4]
-    assert set(refined.rival_clicks) == {"P4", "P9"}
-    assert "P4" not in refined.rival_clicks["P4"].adjustment.survey.label
+    clicks = {one.name: rival.explanation for rival in refined.rivals for one in rival.readings}
+    assert clicks.keys() == {"P4", "P9"}
+    assert clicks["P4"] is not None
+    assert "P4" not in clicks["P4"].adjustment.survey.label
 
 
 def test_a_length_in_another_unit_has_no_click_that_may_be_wrong_instead(
@@ -314,7 +316,7 @@ def test_a_length_in_another_unit_has_no_click_that_may_be_wrong_instead(
     refined, _ = refine(times(given, {4: 1 / 0.3048}), REPORT)
 
     assert np.flatnonzero(refined.line_removed).tolist() == [4]
-    assert not refined.rival_clicks
+    assert not refined.rivals
 
 
 def test_a_click_that_other_photos_check_is_no_rival(scene_factory: Callable[..., Scene]) -> None:
@@ -322,7 +324,7 @@ def test_a_click_that_other_photos_check_is_no_rival(scene_factory: Callable[...
     refined, _ = refine(times(given, {1: 1.2}), REPORT)
 
     assert np.flatnonzero(refined.line_removed).tolist() == [1]
-    assert not refined.rival_clicks
+    assert not refined.rivals
 
 
 def test_a_wrong_pose_of_the_log_takes_no_part(scene_factory: Callable[..., Scene]) -> None:

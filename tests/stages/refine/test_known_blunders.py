@@ -111,3 +111,48 @@ def test_one_that_loses_a_point_is_not_used() -> None:
     assert used(refined) == [name for name in THINGS if name != "field"]
     labels = refined.adjustment.survey.label
     assert [labels[k] for k in refined.adjustment.survey.known[-1].label] == ["P8", "P2", "P3"]
+
+
+CROSSED = ((0, 5), (1, 6), (2, 7), (3, 8), (0, 6), (1, 7), (2, 8), (3, 5), (4, 9))
+"""Of these lengths, one alone ends at each of the last points of both rows."""
+
+
+@pytest.mark.parametrize("wrong", ["known", "click"])
+@pytest.mark.parametrize("off", [0.3, 3.0])
+def test_in_one_photo_a_click_may_be_wrong_in_place_of_a_known_thing(
+    wrong: str, off: float
+) -> None:
+    scene = make_scene(7, frames=1, labels=10, ends=CROSSED, telemetry=False, gauge="plane")
+    label, survey = (9, 2), scene.survey
+    value = float(measurements.distance(scene.world[list(label)])[0])
+    pixel = np.array(survey.pixel_px)
+    if wrong == "known":
+        value += off
+    else:
+        pixel[survey.pick_label == 9] += [60.0 * off, 0.0]
+    thing = KnownThing(index=0, name="k", kind="distance", label=label, value=value, sigma=0.02)
+    refined, _ = refine(replace(survey, known=(thing,), pixel_px=pixel), REPORT)
+
+    rivals = {one for rival in refined.rivals for one in rival.readings}
+    named = {(one.kind, one.name) for one in (*refined.left_out, *rivals)}
+    assert len(refined.left_out) == 1
+    # A wrong click contradicts two readings, which no single other one explains.
+    assert ("pixels", survey.label[9]) in named
+    assert (("known", "k") in named) == (wrong == "known")
+
+
+@pytest.mark.parametrize("wrong", ["control", "click"])
+def test_in_one_photo_a_click_may_be_wrong_in_place_of_a_control_point(wrong: str) -> None:
+    scene = make_scene(3, frames=1, labels=10, lines=0, control=6, telemetry=False)
+    survey = scene.survey
+    pixel, place = np.array(survey.pixel_px), np.array(survey.control_world_m)
+    label = int(survey.control_label[2])
+    if wrong == "control":
+        place[2, 0] += 1.5
+    else:
+        pixel[survey.pick_label == label] += [120.0, 0.0]
+    refined, _ = refine(replace(survey, control_world_m=place, pixel_px=pixel), REPORT)
+
+    rivals = {one for rival in refined.rivals for one in rival.readings}
+    named = {(one.kind, one.name) for one in (*refined.left_out, *rivals)}
+    assert named == {("control", survey.label[label]), ("pixels", survey.label[label])}

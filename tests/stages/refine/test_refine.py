@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gross_errors import largest_error
 from scenes import Scene
 
 from uavgram.errors import GeometryError
@@ -134,11 +135,15 @@ def test_a_blunder_that_cannot_be_located_is_reported_with_all_that_may_be_wrong
         out = {given.line_name[k] for k in np.flatnonzero(refined.line_removed)}
         assert len(out) == 1
         # Without the first, two poses merge and nothing determines the photo.
-        assert out | refined.rival_lines == {"b", "c", "d"}
+        rivals = {one for rival in refined.rivals for one in rival.readings}
+        assert out | {one.name for one in rivals if one.kind == "lengths"} == {"b", "c", "d"}
+        # Of the clicks, those at the ends of these lengths.
+        clicks = {one.name for one in rivals if one.kind == "pixels"}
+        assert clicks == {given.label[k] for k in (1, 2, 3, 5, 6, 7)}
         assert refined.pick_reason == {}
         refined, _ = refine(given, options)
         assert not refined.line_removed.any()
-        assert refined.rival_lines == frozenset()
+        assert refined.rivals == ()
 
 
 def test_telemetry_alone_without_any_line(scene_factory: Callable[..., Scene]) -> None:
@@ -438,10 +443,43 @@ def test_two_lengths_without_log_say_how_many_are_needed(
         refine(survey, REPORT)
 
 
-def test_two_control_points_alone_say_what_is_needed(scene_factory: Callable[..., Scene]) -> None:
-    survey = scene_factory(4, telemetry=False, control=2, lines=0).survey
-    with pytest.raises(GeometryError, match="four control points in it"):
+def test_two_control_points_in_one_photo_say_what_is_needed(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = scene_factory(4, frames=1, telemetry=False, control=2, lines=0).survey
+    with pytest.raises(GeometryError, match="three control points in it"):
         refine(survey, REPORT)
+
+
+def test_two_control_points_are_the_scale_of_several_photos(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    scene = scene_factory(4, telemetry=False, control=2, lines=0)
+    refined, _ = refine(scene.survey, REPORT)
+    assert refined.adjustment.minimum.converged
+    assert largest_error(refined.adjustment, scene) < 4.0
+
+
+def test_three_control_points_place_a_photo(scene_factory: Callable[..., Scene]) -> None:
+    """Each of the poses that three points allow is reported, the true one among them."""
+    scene = scene_factory(4, frames=1, telemetry=False, control=3, lines=0)
+    refined, _ = refine(scene.survey, REPORT)
+    poses = (refined.adjustment, *refined.alternatives)
+    assert min(largest_error(one, scene) for one in poses) < 4.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_control_points_decide_between_the_poses_of_three_lengths(
+    scene_factory: Callable[..., Scene], seed: int
+) -> None:
+    """Three lengths allow several poses of one photo, and the first is not always the true one."""
+    scene = scene_factory(
+        seed, frames=1, labels=8, telemetry=False, control=3, ends=((0, 4), (1, 5), (2, 6))
+    )
+    refined, _ = refine(scene.survey, REPORT)
+    assert not refined.left_out
+    poses = (refined.adjustment, *refined.alternatives)
+    assert min(largest_error(one, scene) for one in poses) < 4.0
 
 
 def test_no_pick_that_meets_the_ground_says_so(scene_factory: Callable[..., Scene]) -> None:

@@ -370,6 +370,31 @@ class Explanation(NamedTuple):
     log_odds: float
 
 
+class Reading(NamedTuple):
+    """A click, a length, a known thing or a control point, by its names.
+
+    `kind` is its group in the likelihood; `words` describe it in a sentence.
+    """
+
+    kind: str
+    name: str
+    words: str
+    labels: tuple[str, ...]
+    frames: tuple[str, ...] = ()
+
+
+class Rival(NamedTuple):
+    """Readings that may be wrong in place of some that were left out.
+
+    The rest fits as well without them. `explanation` is the adjustment without them; None where it
+    is one of the alternatives of the result.
+    """
+
+    readings: tuple[Reading, ...]
+    instead_of: tuple[Reading, ...]
+    explanation: Explanation | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Refined:
     """Result of the refine stage.
@@ -402,10 +427,10 @@ class Refined:
     off_ground
         Names of the labels whose heights are estimated, although they were not stated to be off the
         ground.
-    rival_lines
-        Names of lengths that explain the misfit as well as one that was left out.
-    rival_clicks
-        Adjustments that explain the misfit as well, by the label of a click that they leave out.
+    left_out
+        Readings that were left out as gross errors.
+    rivals
+        Readings that explain the misfit as well as some of these.
     causes
         Explanations of the misfits, likeliest first.
     possible
@@ -433,8 +458,8 @@ class Refined:
     stated: Adjustment | None = None
     compared: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
-    rival_lines: frozenset[str] = frozenset()
-    rival_clicks: Mapping[str, Explanation] = field(default_factory=dict)
+    left_out: tuple[Reading, ...] = ()
+    rivals: tuple[Rival, ...] = ()
     causes: tuple[Cause, ...] = ()
     possible: tuple[Message, ...] = ()
     explanations: tuple[tuple[Explanation, ...], ...] = ()
@@ -451,15 +476,26 @@ class Refined:
         """Names of lengths and frames whose misfit a cause explains."""
         return frozenset().union(*(cause.settles for cause in self.causes))
 
+    @property
+    def contested(self) -> tuple[Reading, ...]:
+        """Left-out readings in whose place others, or other mistakes, may be wrong."""
+        found = [one for rival in self.rivals for one in rival.instead_of]
+        if self.possible:
+            found += [one for one in self.left_out if one.kind in {"pixels", "lengths"}]
+        return tuple(one for one in self.left_out if one in found)
+
+    def is_contested(self, kind: str, name: str) -> bool:
+        """Return whether another reading may be wrong in place of a left-out one."""
+        return any((one.kind, one.name) == (kind, name) for one in self.contested)
+
     def list_explanations(self) -> tuple[tuple[Adjustment, float], ...]:
         """List all other explanations of the observations, and the probability of each.
 
         The question which minimum is right is independent of the question which mistake was made.
         """
         here = self.compared or self.adjustment
-        # One that leaves out several clicks counts once.
-        clicks = {id(one): one for one in self.rival_clicks.values()}
-        minima = (*(explain(here, one) for one in self.alternatives), *clicks.values())
+        rivals = (one.explanation for one in self.rivals if one.explanation is not None)
+        minima = (*(explain(here, one) for one in self.alternatives), *rivals)
         return tuple(
             (one.adjustment, float(probability))
             for group in (minima, *self.explanations)

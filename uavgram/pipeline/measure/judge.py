@@ -39,6 +39,7 @@ from uavgram.stages.judge import (
     judge_points,
     judge_priors,
     judge_removals,
+    judge_rivals,
     judge_suspects,
     judge_unchecked,
     judge_weakest,
@@ -133,6 +134,7 @@ def judge_survey(
         ),
         messages=(
             *judge_suspects(examined),
+            *judge_rivals(refined),
             *judge_majority(refined, index, line_results, known),
             *line_messages,
             *known_messages,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import cast
 
 import numpy as np
@@ -81,7 +81,7 @@ def judge_known(
         status=tuple(status),
         **columns,
     )
-    messages += [_left_out(results, i) for i in _find_gross(examined)]
+    messages += [_left_out(results, i) for i in _find_gross(examined, known.name)]
     unexplained = {name: np.full(len(known.name), np.nan) for name in _COLUMNS}
     _values(examined.without_suspects, things, {thing.index for thing in withheld}, unexplained)
     messages += [
@@ -160,10 +160,16 @@ def _is_off(examined: TestedSurvey, results: KnownResults, thing: KnownThing) ->
     return results.status[thing.index] == "checked" and examined.significant(w)
 
 
-def _find_gross(examined: TestedSurvey) -> list[int]:
-    """Return the numbers of things that were left out before any test."""
+def _find_gross(examined: TestedSurvey, names: Sequence[str]) -> list[int]:
+    """Return the numbers of things that were left out before any test, without rivals."""
     removals = examined.refined.removals
-    return [r.index for r in removals if r.kind == "known" and r.before is None]
+    return [
+        r.index
+        for r in removals
+        if r.kind == "known"
+        and r.before is None
+        and not examined.refined.is_contested("known", names[r.index])
+    ]
 
 
 def _left_out(results: KnownResults, i: int) -> Message:

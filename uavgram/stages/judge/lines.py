@@ -14,13 +14,14 @@ from uavgram.estimation.survey.observations.lengths import describe_ends, select
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message, MessagePlural, propose_length_removal
-from uavgram.model.naming import format_digits, join_names
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.stages.judge.picks import find_rows
-from uavgram.stages.judge.tested_survey import TestedSurvey, is_mount_open
-from uavgram.stages.remedies import read_first, report_one_of
+from uavgram.stages.judge.rivals import list_contested
+from uavgram.stages.judge.tested_survey import TestedSurvey
+from uavgram.stages.remedies import read_first
 
 PICK_OR_CORRECT = "Pick that, or correct the label."
 
@@ -199,15 +200,14 @@ def _left_out(
 ) -> tuple[Message, ...]:
     """Report left-out lengths: one message each, or one for all with the same mistake.
 
-    Those that a cause explains are reported by it.
+    Those that a cause explains are reported by it, and those that have rivals together with these.
     """
+    contested = {one.name for one in list_contested(refined) if one.kind == "lengths"}
     gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
     seen = np.isfinite(seen_m)  # otherwise an end is not adjusted, and has its own message
+    gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in contested}
     out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
-    rivals = refined.rival_lines or refined.rival_clicks or refined.possible
-    if out and (rivals or is_mount_open(refined.adjustment)):
-        return (_one_of(refined, lines, out),)
     what = {
         i: explain_length(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out
     }
@@ -231,37 +231,6 @@ def _left_out(
             )
         )
     return tuple(messages)
-
-
-def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
-    """Report lengths, clicks or mount, one of which is wrong, without evidence for which."""
-    names = {lines.name[i] for i in out} | refined.rival_lines
-    rows = [i for i, name in enumerate(lines.name) if name in names]
-    each = tuple(lines.name[i] for i in rows)
-    clicks = tuple(one for one in refined.adjustment.survey.label if one in refined.rival_clicks)
-    which = [f"the length {name!r}" for name in each] + [f"the click on {one!r}" for one in clicks]
-    again = "Tape one of them again, or another line"
-    if is_open := is_mount_open(refined.adjustment):
-        which.append("the camera's direction, straight down, which is only assumed")
-    if clicks:
-        it = "it" if len(each) == 1 else "one of these lengths"
-        again = (
-            f"Tape {it} again; click on {join_names(map(repr, clicks))} again or in another photo, "
-            f"and "
-            f"look at {'its' if len(clicks) == 1 else 'their'} stated height, if there is one"
-        )
-    if is_open:
-        again = f"State the camera's direction in `mount`. {again}"
-    ends = dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in rows)))
-    return report_one_of(
-        which,
-        [f"the length {lines.name[i]!r}" for i in out],
-        again,
-        others=refined.possible,
-        lengths=each,
-        labels=clicks or tuple(ends),
-        removals=[propose_length_removal([name]) for name in each],
-    )
 
 
 def _text(

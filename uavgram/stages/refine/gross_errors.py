@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, islice
@@ -32,14 +32,17 @@ from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
 from uavgram.estimation.survey.adjustment import (
     Adjustment,
-    Explanation,
     LeftOut,
     LeftOutCause,
+    Reading,
     Refined,
+    Rival,
     explain,
 )
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
+from uavgram.estimation.survey.observations.known import describe_thing
+from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.selection import (
     remove_known,
     select_control,
@@ -112,7 +115,7 @@ first values."""
 MAX_RIVAL_INCREASE = 2.0 * float(np.log(20.0))
 """Difference of costs up to which another explanation has odds of more than 1 in 20."""
 
-MIN_DECREASE_SHARE = 0.5
+MIN_DECREASE_SHARE = 0.8
 """Share of the gross error's decrease of the sum of squares that another observation must reach, in
 the linear model, to be tried instead."""
 
@@ -129,7 +132,7 @@ LEAST_ROUGHNESS_M, LEAST_TAPE_SCALE = 0.02, 1e-3
 """Least roughness of the ground [m] and least sigma of the scale of tapes. With zero, no point
 could be off the ground, and no tape in another unit."""
 
-NO_PLACE = (LeftOutCause.NO_GROUND, LeftOutCause.MISPLACED_FRAME)
+NO_PLACE = (LeftOutCause.NO_GROUND, LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
 """Causes of missing first values for picks that contradict others; all other causes are
 undetermined picks."""
 
@@ -193,7 +196,13 @@ class Robust:
 
     def messages(self, survey: Survey) -> Iterator[Message]:
         """Report what was left out of control and heights, and picks that contradict."""
-        yield from report_control_left_out(survey, self.refined, self.control)
+        label = survey.label
+        contested = [
+            self.refined.is_contested("control", label[k])
+            for k in survey.control_label[self.control]
+        ]
+        control = self.control[~np.array(contested, dtype=np.bool_)]
+        yield from report_control_left_out(survey, self.refined, control)
         yield from report_heights_left_out(survey, self.refined, self.heights)
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
@@ -382,10 +391,9 @@ class Candidate:
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead
-        lengths = self.annealed.gross("lengths")
-        if (len(lengths) or not self.fits()) and self._is_placed_by_lengths():
-            return False  # in another pose another length may be wrong
-        if any(_has_rival(self.annealed, row) for row in lengths):
+        if (gross or not self.fits()) and self._is_alone_without_log():
+            return False  # in another pose another reading may be wrong
+        if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
             return False
         if self._has_raised_point_in_error():
             return False  # a wrong pick may raise its point, and spoil a length there
@@ -480,8 +488,8 @@ class Candidate:
         """Return whether other observations check every length."""
         return bool(self.annealed.misfit.get("lengths", np.ones(1)).all())
 
-    def _is_placed_by_lengths(self) -> bool:
-        """Return whether lengths alone place the photo: a wrong length may lead to another pose."""
+    def _is_alone_without_log(self) -> bool:
+        """Return whether few readings place a single photo: a wrong one leads to another pose."""
         survey = self.annealed.problem.survey
         return survey.telemetry is None and len(survey.frame_id) == 1
 
@@ -540,7 +548,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
 def _try_without_references(
     taking: Participants, found: Sequence[Candidate]
 ) -> Iterator[Candidate]:
-    """Adjust robustly from first values without a known thing, control, or one or more lengths.
+    """Adjust robustly from first values without a click, a known thing, control, or lengths.
 
     Parameters
     ----------
@@ -552,6 +560,7 @@ def _try_without_references(
     whole, most = _add_small_roughness(taking), _most_of_a_rival(taking, found)
     parts = (
         _leave_out_contradicting_control,
+        _leave_out_each_click,
         _leave_out_each_known_thing,
         _leave_out_each_length,
         _leave_out_all_but_a_length,
@@ -786,6 +795,21 @@ def _find_control_of_one_pose(whole: Participants) -> Bools:
     return agree
 
 
+def _leave_out_each_click(whole: Participants) -> Iterator[Participants]:
+    """Leave out each point of a single photo without a log at which lengths and the like end."""
+    survey = whole.survey
+    picks = np.flatnonzero(whole.keep)
+    if survey.telemetry is not None or len(np.unique(survey.pick_frame[picks])) != 1:
+        return
+    things = [k for one in survey.known for k in one.label]
+    is_end = _are_ends(survey, survey.pick_label[picks])
+    is_end |= np.isin(survey.pick_label[picks], [*things, *survey.control_label])
+    labels = np.unique(survey.pick_label[picks[is_end]])
+    for label in labels.tolist() if len(labels) <= MOST_STARTS else []:
+        own = picks[survey.pick_label[picks] == label].tolist()
+        yield whole.leave_out_picks(dict.fromkeys(own, DISAGREEING))
+
+
 def _leave_out_each_known_thing(whole: Participants) -> Iterator[Participants]:
     """Leave out each known thing, and all control points or, where no log places photos, each."""
     survey, number = whole.survey, len(whole.survey.control_label)
@@ -1013,7 +1037,7 @@ def _has_rival(found: Annealed, row: int) -> bool:
 def _falls_with_all(
     found: Annealed, restored: Mapping[str, Ints]
 ) -> tuple[float, dict[str, Floats]]:
-    """Compute the decrease of the sum of squares without each length and each pick.
+    """Compute the decrease of the sum of squares without each single reading.
 
     Parameters
     ----------
@@ -1025,8 +1049,8 @@ def _falls_with_all(
     Returns
     -------
     whole, falls
-        Decrease without all restored observations; and (n,) without each single length and each
-        single pick while all others take part, the restored ones included, in the linear model.
+        Decrease without all restored observations; and (n,) without each single reading of each
+        group while all others take part, the restored ones included, in the linear model.
 
     Notes
     -----
@@ -1046,7 +1070,7 @@ def _falls_with_all(
     force = inverse @ error
     covariance = minimum.factor.covariance()
     falls: dict[str, Floats] = {}
-    for name in (one for one in ("lengths", "pixels") if one in minimum.blocks):
+    for name in (one for one in READINGS if one in minimum.blocks):
         other = minimum.blocks[name]
         # Residuals r - X v and cofactors Q + X V^-1 X^T of all others.
         moved = other.times(slice(None), pull)
@@ -1093,49 +1117,63 @@ def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats,
 
 
 def _try_single_error(
-    candidate: Candidate, kinds: Collection[str] = ("lengths", "pixels")
+    candidate: Candidate, restored: Mapping[str, Ints] | None = None
 ) -> Iterator[Candidate]:
-    """Try one gross error in place of all others, or of a misfit that has none.
+    """Try one gross error in place of others, or of a misfit that has none.
 
     A single wrong pick can rotate its photo, so that many lengths and other picks of the photo no
-    longer fit. Or the only gross error is a length, and a wrong pick at one of its ends would
-    explain as much. The linear model proposes single observations of the given kinds. For each, all
-    gross errors take part again, and only that observation is left out.
+    longer fit. Or a length is a gross error, and a wrong pick at one of its ends would explain as
+    much. The linear model proposes single readings. For each, the restored gross errors take part
+    again, and that reading is left out in their place.
+
+    Parameters
+    ----------
+    candidate
+        A robust adjustment.
+    restored
+        Rows of its gross errors, by group; None for all of them.
     """
     found = candidate.annealed
     gross = {name: found.gross(name) for name in found.misfit if len(found.gross(name))}
     if sum(map(len, gross.values())) > MOST_STARTS:
         return
-    whole, falls = _falls_with_all(found, gross)
+    restored = gross if restored is None else restored
+    whole, falls = _falls_with_all(found, restored)
     proposed = sorted(
         (
             (fall, name, row)
-            for name in falls.keys() & set(kinds)
-            for row, fall in enumerate(falls[name].tolist())
+            for name, each in falls.items()
+            for row, fall in enumerate(each.tolist())
         ),
         reverse=True,
     )
-    out = {(name, row) for name, rows in gross.items() for row in rows.tolist()}
-    new = [one for one in proposed if {one[1:]} != out]
+    back = {(name, row) for name, rows in restored.items() for row in rows.tolist()}
+    out = {(name, row) for name, rows in gross.items() for row in rows.tolist()} - back
+    new = [one for one in proposed if one[1:] not in out and {one[1:]} != back]
     for fall, name, row in new[:MOST_PROPOSED]:
         if fall < max(MIN_DECREASE_SHARE * whole, GROSS_SIGMAS**2):
             break
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
-        weight[name][row] = ZERO_WEIGHT
+        for group, own in (*out, (name, row)):
+            weight[group][own] = ZERO_WEIGHT
         with suppress(SingularError, ValueError):  # undetermined, or impossible
             minimum = minimise_weighted_cost(found.problem, found.minimum.state, weight)
             yield replace(candidate, annealed=decide(found.problem, minimum, weight))
 
 
-def _has_open_length(candidate: Candidate) -> bool:
-    """Return whether the only gross error is a length without a known mistake.
+def _exchange_gross_errors(candidate: Candidate) -> Iterator[Candidate]:
+    """Try another reading in place of each gross error of a candidate that may be the wrong one.
 
-    A length that a known mistake explains, such as another unit, has no rivals.
+    A length with a known mistake, such as another unit, has no rivals.
     """
     found = candidate.annealed
-    rows = found.gross("lengths")
-    is_only = len(rows) == 1 == sum(len(found.gross(name)) for name in found.misfit)
-    return is_only and not _is_known_mistake(found, int(rows[0]))
+    gross = [(name, row) for name in READINGS for row in found.gross(name).tolist()]
+    if len(gross) > MOST_GROSS_OF_A_PHOTO:
+        return
+    for name, row in gross:
+        if name != "lengths" or not _is_known_mistake(found, row):
+            each = _try_single_error(candidate, {name: np.array([row])})
+            yield from (one for one in each if not one.misplaced)
 
 
 def _is_known_mistake(found: Annealed, row: int) -> bool:
@@ -1152,54 +1190,79 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
     """Adjust without the gross errors of the best candidate; None where that has no result.
 
     Among candidates that explain as much, the one that keeps most picks comes first, and one that
-    converges. Those that leave out other lengths are alternatives of the result.
+    converges. Those that leave out other readings are rivals of the result.
     """
     if not agreed:
         return None
     agreed = _sort_by_cost(taking, [*agreed, *_try_other_clicks(taking, agreed[0])])
-    if _has_open_length(agreed[0]):
-        instead = (one for one in _try_single_error(agreed[0], ["pixels"]) if not one.misplaced)
-        agreed = _sort_by_cost(taking, [*agreed, *instead])
-    least = agreed[0].cost(taking)
-    near = [one for one in agreed if one.cost(taking) <= least + MAX_RIVAL_INCREASE]
-    near.sort(key=lambda one: -len(one.used))
-    # One candidate for each set of left-out observations.
-    different = {one.left_out: one for one in reversed(near)}
-    each = [one for one in near if different[one.left_out] is one]
-    pairs = [
-        (one, candidate) for candidate in each if (one := _adjust_without_candidate(candidate))
-    ]
-    pairs.sort(key=lambda pair: not pair[0].refined.adjustment.minimum.converged)
+    agreed = _sort_by_cost(taking, [*agreed, *_exchange_gross_errors(agreed[0])])
+    pairs: list[tuple[Robust, Candidate]] = []
+    while agreed and not pairs:
+        least = agreed[0].cost(taking)
+        near = [one for one in agreed if one.cost(taking) <= least + MAX_RIVAL_INCREASE]
+        agreed = [one for one in agreed if one not in near]
+        near.sort(key=lambda one: -len(one.used))
+        # One candidate for each set of left-out observations.
+        different = {one.left_out: one for one in reversed(near)}
+        each = (one for one in near if different[one.left_out] is one)
+        pairs = [(one, found) for found in each if (one := _adjust_without_candidate(found))]
     if not pairs:
-        return _adjust_without_outliers(taking, [one for one in agreed if one not in near])
+        return None
+    pairs.sort(key=lambda pair: not pair[0].refined.adjustment.minimum.converged)
     (robust, _), *others = pairs
-    # Record lengths and clicks that rival explanations leave out, and their adjustments.
-    refined, rivals = robust.refined, set[str]()
-    clicks: dict[str, Explanation] = {}
+    refined, survey = robust.refined, taking.survey
+    left = _list_left_out(survey, robust)
+    # Record the readings that other explanations leave out, and their adjustments.
+    rivals: list[Rival] = []
     minima = [*refined.alternatives]
     for rival, _ in others:
-        other = rival.refined
-        lines = np.flatnonzero(other.line_removed & ~refined.line_removed)
-        rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
-        picks = sorted(_list_gross_picks(other) - _list_gross_picks(refined))
-        named = (robust.survey.label[robust.survey.pick_label[k]] for k in picks)
-        clicks |= dict.fromkeys(named, explain(refined.adjustment, other.adjustment))
+        other, theirs = rival.refined, _list_left_out(survey, rival)
+        readings, instead_of = (tuple(sorted(one)) for one in (theirs - left, left - theirs))
+        if not readings:
+            continue
         same = other.adjustment.survey.label == refined.adjustment.survey.label
-        if len(lines) and same:
+        kinds = {one.kind for one in readings}
+        if same and "lengths" in kinds:
             minima.append(other.adjustment)
-        if picks and same:
+        if same and kinds != {"lengths"}:
             minima.extend(other.alternatives)
+        explanation = None
+        if not (same and kinds == {"lengths"}):
+            explanation = explain(refined.adjustment, other.adjustment)
+        rivals.append(Rival(readings, instead_of, explanation))
     refined = replace(
         refined,
         alternatives=tuple(minima),
-        rival_lines=frozenset(rivals),
-        rival_clicks=clicks,
+        left_out=tuple(sorted(left)),
+        rivals=tuple(rivals),
     )
     # Of two clicks of one point in a photo either may be wrong.
-    label, own = robust.survey.label, robust.survey.pick_label
-    both = {label[own[k]] for k in _list_gross_picks(refined)} & clicks.keys()
-    contradicting = tuple(sorted({*robust.contradicting, *both}))
+    ours = {one.name for one in left if one.kind == "pixels"}
+    theirs = {one.name for rival in rivals for one in rival.readings if one.kind == "pixels"}
+    contradicting = tuple(sorted({*robust.contradicting, *(ours & theirs)}))
     return replace(robust, refined=refined, contradicting=contradicting)
+
+
+def _list_left_out(survey: Survey, robust: Robust) -> set[Reading]:
+    """List the readings that a robust adjustment leaves out as gross errors."""
+    label, refined = survey.label, robust.refined
+    found: set[Reading] = set()
+    for k in _list_gross_picks(refined):
+        name, frame = label[survey.pick_label[k]], survey.frame_id[survey.pick_frame[k]]
+        found.add(Reading("pixels", name, f"the click on {name!r} in {frame!r}", (name,), (frame,)))
+    for k in np.flatnonzero(refined.line_removed).tolist():
+        ends = (label[survey.line_start[k]], label[survey.line_end[k]])
+        name = survey.line_name[k] if survey.line_name else ""
+        found.add(Reading("lengths", name, f"the length {describe_ends(name, *ends)}", ends))
+    for thing in survey.known:
+        if thing.index in refined.known_removed:
+            points = tuple(label[k] for k in thing.label)
+            words = f"the known {describe_thing(thing.kind, thing.name, points)}"
+            found.add(Reading("known", thing.name, words, points))
+    for k in survey.control_label[robust.control].tolist():
+        words = f"the coordinates of the control point {label[k]!r}"
+        found.add(Reading("control", label[k], words, (label[k],)))
+    return found
 
 
 def _try_other_clicks(taking: Participants, candidate: Candidate) -> Iterator[Candidate]:

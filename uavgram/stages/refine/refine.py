@@ -113,8 +113,10 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         refined = replace(
             robust.refined,
             pick_removed=taken_out,
-            rival_lines=robust.refined.rival_lines | first.rival_lines,
-            rival_clicks={**first.rival_clicks, **robust.refined.rival_clicks},
+            left_out=tuple(dict.fromkeys((*first.left_out, *robust.refined.left_out))),
+            rivals=tuple(
+                {one.readings: one for one in (*first.rivals, *robust.refined.rivals)}.values()
+            ),
         )
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = add_records(survey, refined)

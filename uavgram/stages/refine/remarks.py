@@ -31,7 +31,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, format_digits, join_names
 from uavgram.model.survey import Cause, Survey
-from uavgram.stages.remedies import report_not_located, report_one_of
+from uavgram.stages.remedies import report_not_located
 
 MIN_HEIGHT_M, MAX_HEIGHT_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground [m], beyond which lengths or log are in question."""
@@ -170,21 +170,14 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
     frames: dict[str, Counter[str]] = {}
     stayed = set(refined.adjustment.survey.frame_id)
     gross = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
-    is_alone = len(gross) == 1 and not refined.line_removed.any()
-    is_alone &= not any(survey.label[survey.pick_label[k]] in refined.rival_clicks for k in gross)
-    has_rivals = is_alone and bool(refined.rival_clicks or refined.rival_lines or refined.possible)
-    if has_rivals and survey.frame_id[survey.pick_frame[gross[0]]] in stayed:
-        yield _one_of(survey, refined, gross[0])
     for index, reason in sorted(refined.pick_reason.items()):
-        if has_rivals and index in gross:
-            continue
         label = survey.label[survey.pick_label[index]]
-        if index in gross and label in refined.rival_clicks:
-            continue  # its picks contradict each other, and have a message for that
         name, why = survey.frame_id[survey.pick_frame[index]], reason.text
         if name not in stayed:
             frames.setdefault(name, Counter())[why] += 1
             continue
+        if index in gross and refined.is_contested("pixels", label):
+            continue  # it has a message together with its rivals
         yield Message(
             "warning",
             "pick-left-out",
@@ -215,28 +208,6 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
                 LOOK_AT_PICKS,
             ),
         )
-
-
-def _one_of(survey: Survey, refined: Refined, pick: int) -> Message:
-    """Report a left-out pick together with the readings that could be wrong in its place."""
-    label = survey.label[survey.pick_label[pick]]
-    frame = survey.frame_id[survey.pick_frame[pick]]
-    left = f"the click on {label!r} in {frame!r}"
-    clicks = [one for one in refined.rival_clicks if one != label]
-    lengths = sorted(refined.rival_lines)
-    suspects = [left, *(f"the click on {one!r}" for one in clicks)]
-    suspects += [f"the length {one!r}" for one in lengths]
-    tape = f", and tape {join_names(map(repr, lengths))} again" if lengths else ""
-    return report_one_of(
-        suspects,
-        [left],
-        f"Click on {join_names(map(repr, [label, *clicks]))} again, or in another photo{tape}",
-        others=refined.possible,
-        frames=[frame],
-        labels=[label, *clicks],
-        lengths=lengths,
-        removals=[propose_pick_removal([(frame, label)])],
-    )
 
 
 def _removal_message(removal: Removal, before: Refined) -> Message:

@@ -30,14 +30,12 @@ from uavgram.estimation.reliability.redundancy import (
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.lengths import find_tape_rows, select_taped_lines
 from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.staged_sigmas import DAMPING
-
-READINGS = ("pixels", "lengths", "known", "control")
-"""Groups whose sigmas shrink: readings by people."""
 
 SIZES = ("lengths", "known")
 """Groups of sizes on the ground, which photos and log predict."""
