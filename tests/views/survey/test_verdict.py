@@ -89,6 +89,15 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
     )
 
 
+def test_of_several_possible_causes_the_verdict_advises_to_remove_none() -> None:
+    either = tuple(Remedy(action="unpick", words=f"Remove {name}") for name in "AB")
+    text = "One of these is wrong: A or B."
+    reason = Reason(cause="x", text=text, plain="One does not fit.", instead=either)
+    amber = Verdict(level="amber", reasons=(reason,))
+
+    assert verdict_sentence(replace(survey.build(), verdict=amber)).endswith(f"in order. {text}")
+
+
 def test_red_says_not_to_use_the_numbers_whatever_the_reason() -> None:
     reason = Reason(cause="misfit", text="Picks and lengths contradict each other.")
     red = replace(survey.build(), verdict=Verdict(level="red", reasons=(reason,)))

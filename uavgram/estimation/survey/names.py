@@ -59,22 +59,23 @@ class ObservationNames:
 
     def causes(self, members: Sequence[Member]) -> str:
         """List possible causes: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
-        parts: list[str] = []
+        others: list[str] = []
         by_frame: dict[str, list[str]] = {}
-        for member in members[:MAX_CAUSES]:
+        for member in members:
             observation = self.find_kind(member)
             if isinstance(observation, Pixels):
                 frame, label = observation.place(member.row)
                 by_frame.setdefault(frame, []).append(repr(label))
             else:
-                parts.append(self.cause(member))
+                others.append(self.cause(member))
+        parts = list(dict.fromkeys(others))
         for frame, labels in by_frame.items():
             picks = "pick" if len(labels) == 1 else "picks"
             parts.append(f"{picks} of {join_names(labels, None)} in {frame!r}")
-        if len(members) > MAX_CAUSES:
-            more = len(members) - MAX_CAUSES
-            parts[-1] += " or another one" if more == 1 else f" or one of {more} others"
-        return " or the ".join(parts)
+        named = parts[:MAX_CAUSES]
+        if more := len(parts) - len(named):
+            named[-1] += " or another one" if more == 1 else f" or one of {more} others"
+        return " or the ".join(named)
 
     def advice(self, suspicion: Suspicion) -> str:
         """Return ``no test separates them: look at all three``; empty for a single observation."""

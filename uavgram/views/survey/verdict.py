@@ -85,11 +85,14 @@ def verdict_sentence(result: Result) -> str:
 
 
 def reason_sentence(reason: Reason) -> str:
-    """State error and remedy: in plain words if these exist, else the text of the message."""
+    """State error and remedy: in plain words if these exist, else the text of the message.
+
+    Remedies that exclude each other are none: the text lists what may be wrong.
+    """
     remedies = [one.words for one in (reason.mend, *reason.instead) if one is not None]
     if reason.cause == "nothing-checks" and reason.plain and not remedies:
         return reason.plain
-    if not reason.plain or not remedies:
+    if not reason.plain or reason.mend is None:
         return reason.text
     todo = ", or ".join(f"{words[0].lower()}{words[1:]}" for words in remedies)
     return f"{reason.plain} To correct it: {todo}."

@@ -74,8 +74,9 @@ class Calibration(Observation):
         return parameter_names(camera.model, len(camera.parameters))[member.axis]
 
     def suspect(self, member: Member) -> str:
-        """Return ``camera file (fx)`` and the like."""
-        return f"camera file ({self.axis(member)})"
+        """Return the whole file: its parameters are correlated, and are checked together."""
+        del member
+        return "camera file"
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Return pixels, or no unit."""
