@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from uavgram.estimation.solver.levenberg_marquardt import minimise
+from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, SingularError
 from uavgram.model.arrays import Floats
 
@@ -71,6 +71,24 @@ def test_misra1a_of_nist_to_its_certified_digits(start: tuple[float, float]) -> 
     np.testing.assert_allclose(found.state, CERTIFIED, rtol=1e-6)
     np.testing.assert_allclose(np.sqrt(variance), RESIDUAL_SD, rtol=1e-9)
     np.testing.assert_allclose(sigma, CERTIFIED_SD, rtol=1e-5)
+
+
+@pytest.mark.parametrize("start", [(500.0, 1e-4), (250.0, 5e-4)])
+def test_iterations_end_where_a_required_sum_of_squares_is_out_of_reach(
+    start: tuple[float, float],
+) -> None:
+    """A goal below the minimum ends them early and unconverged; one above it changes nothing."""
+
+    def find(goal: float) -> Minimum[Floats]:
+        return minimise(np.array(start), misra, lambda b, step: b + step, 2, goal=goal)
+
+    whole = find(np.inf)
+    above, below = find(1.01 * whole.cost), find(0.9 * whole.cost)
+
+    np.testing.assert_array_equal(above.state, whole.state)
+    assert above.iterations == whole.iterations
+    assert not below.converged
+    assert below.iterations < whole.iterations
 
 
 def line(residual: float, slope: float) -> dict[str, Block]:

@@ -39,7 +39,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import gross_errors, robust_adjustment
 from uavgram.stages.refine.gross_errors import adjust_robustly
-from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.minima import FULL, Participants, Patience, find_best_minima
 from uavgram.stages.refine.robust_adjustment import ZERO_WEIGHT
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
@@ -142,8 +142,8 @@ def test_noise_of_a_kind_does_not_excuse_what_the_others_predict_coarsely() -> N
     problem = SurveyProblem(wrong, problem.pivot_m, np.ones(4, dtype=np.bool_))
     weight = {"lengths": np.full(4, ZERO_WEIGHT)}
     minimum = robust_adjustment.minimise_weighted_cost(problem, start, weight)
-    found = robust_adjustment._compute_misfits(problem, minimum, weight)["lengths"]
-    assert (found > GROSS_SIGMAS).tolist() == [False, True, False, True]
+    misfits, _ = robust_adjustment._compute_misfits(problem, minimum, weight)
+    assert (misfits["lengths"] > GROSS_SIGMAS).tolist() == [False, True, False, True]
 
 
 # --- one gross error ----------------------------------------------------------------------------
@@ -193,18 +193,19 @@ class Counted:
         self.ordinary, self.weighted = 0, 0
         adjust, weigh = find_best_minima, robust_adjustment.minimise_weighted_cost
 
-        def best(taking: Participants) -> Refined:
+        def best(taking: Participants, most: Patience = FULL) -> Refined:
             self.ordinary += 1
-            return adjust(taking)
+            return adjust(taking, most)
 
         def weighted(
             problem: SurveyProblem,
             state: State,
             weight: Mapping[str, Floats],
             softness: Mapping[str, float] | None = None,
+            goal: float = np.inf,
         ) -> Minimum[State]:
             self.weighted += 1
-            return weigh(problem, state, weight, softness)
+            return weigh(problem, state, weight, softness, goal)
 
         monkeypatch.setattr(gross_errors, "find_best_minima", best)
         monkeypatch.setattr(gross_errors, "minimise_weighted_cost", weighted)

@@ -67,6 +67,10 @@ MAX_REFUSED_REDUCTION_EACH = 5e-9
 last: it fails at kinks of the interpolated flight, and in large systems each try costs a
 factorisation. Smaller if a sharper minimum than `MIN_REDUCTION` is requested."""
 
+PACE_STEPS = 20
+"""Number of steps like the present one, or of all that are left, in which a required sum of squares
+has to be in reach: iterations take larger steps first, and converge quadratically at the end."""
+
 STEP_FRACTIONS = tuple(0.5**k for k in range(8))
 """Fractions of a step along which the minimum is searched where the linear model does not hold."""
 
@@ -107,7 +111,7 @@ def minimise(
     most: int = MAX_ITERATIONS,
     at_rest: float = MIN_REDUCTION,
     slack: float = 0.0,
-    first: dict[str, Block] | None = None,
+    goal: float = np.inf,
 ) -> Minimum[State]:
     """Minimise a sum of squared whitened residuals.
 
@@ -131,8 +135,9 @@ def minimise(
     slack
         Damping if the normal matrix is singular, and damping of the last factor: undetermined
         unknowns are then accepted, with large sigmas that have no meaning.
-    first
-        Result of `evaluate` for the initial values, if it is known already.
+    goal
+        Sum of squares above which the result is of no use: the iteration ends where it is out of
+        reach (`PACE_STEPS`).
 
     Returns
     -------
@@ -153,12 +158,12 @@ def minimise(
     1970, "Iterative solution of nonlinear equations in several variables", ch. 7 (one factor for
     several steps).
     """
-    blocks = first or evaluate(state)
+    blocks = evaluate(state)
     if blocks is None:
         raise ValueError("the first values are impossible")
     normal = NormalEquations(list(blocks.values()), size, structure)
     cost = compute_cost(blocks.values())
-    now = _Iteration(evaluate, update, size, structure, slack, state, blocks, cost, normal)
+    now = _Iteration(evaluate, update, size, structure, slack, goal, state, blocks, cost, normal)
     refused = MAX_REFUSED_REDUCTION_EACH * size * min(1.0, at_rest / MIN_REDUCTION)
     limit = max(at_rest, MAX_UNDAMPED_REDUCTION * max(1.0, size / LARGE_SYSTEM))
     while True:
@@ -167,7 +172,7 @@ def minimise(
         # Newton's decrement without damping: reduction to the minimum of the linear model.
         step = -factor.solve(now.normal.gradient)
         is_at_rest = -float(now.normal.gradient @ step) < limit
-        if is_at_rest:
+        if is_at_rest or now.is_hopeless:
             break
         if now.count >= most:
             creeps = 0.0 < now.halfway - now.cost < MAX_CREEP
@@ -186,7 +191,8 @@ def minimise(
 class _Iteration(Generic[State]):
     """Present state of an iteration, and the functions that it calls; see `minimise`.
 
-    `halfway` is the sum of squares after half of the largest number of steps.
+    `halfway` is the sum of squares after half of the largest number of steps, and `is_hopeless`
+    whether the goal is out of reach.
     """
 
     evaluate: Callable[[State], dict[str, Block] | None]
@@ -194,12 +200,14 @@ class _Iteration(Generic[State]):
     size: int
     structure: Structure | None
     slack: float
+    goal: float
     state: State
     blocks: dict[str, Block]
     cost: float
     normal: NormalEquations
     count: int = 0
     halfway: float = np.inf
+    is_hopeless: bool = False
 
     def _try(self, step: Floats) -> tuple[State, dict[str, Block] | None, float]:
         """Evaluate a step: state, residuals, and the sum of squares (infinite if impossible)."""
@@ -238,6 +246,10 @@ class _Iteration(Generic[State]):
             step = -factor.solve(self.normal.gradient)
             predicted = factor.predict_reduction(step, self.normal.gradient)
             if predicted < max(at_rest, ROUNDING_SHARE * self.cost) or damping > MAX_DAMPING:
+                break
+            left = min(most - self.count + 1, PACE_STEPS)
+            self.is_hopeless = self.cost - left * predicted > self.goal
+            if self.is_hopeless:
                 break
             state, blocks, cost = self._try(step)
             # Gain ratio: actual over predicted reduction.

@@ -72,7 +72,7 @@ def refit(
         # Squared length of the step in sigmas: step^T N step.
         length = float(-gradient @ step)
         if length > MAX_STEP_RATIO * previous:
-            return _refit_all(adjustment, state, errors, at_rest, moved)
+            return _refit_all(adjustment, state, errors, at_rest)
         before, state, previous = state, advance_state(layout, state, step), length
         if length < at_rest:
             return state
@@ -91,11 +91,7 @@ def add_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> dic
 
 
 def _refit_all(
-    adjustment: Adjustment,
-    start: State,
-    errors: Mapping[str, Floats],
-    at_rest: float,
-    first: dict[str, Block] | None = None,
+    adjustment: Adjustment, start: State, errors: Mapping[str, Floats], at_rest: float
 ) -> State | None:
     problem, layout = adjustment.problem, adjustment.problem.layout
 
@@ -111,7 +107,6 @@ def _refit_all(
             layout.size,
             layout.structure,
             at_rest=min(at_rest, 0.1 * MAX_UNDAMPED_REDUCTION),
-            first=first,
         )
     except SingularError:
         return None

@@ -18,9 +18,13 @@ from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
-from uavgram.stages.refine.causes.hypothesis import CONTRADICTING, GROSS_ERROR_LOG_ODDS, Diagnosis
-from uavgram.stages.refine.causes.identification import (
+from uavgram.stages.refine.causes.hypothesis import (
+    CONTRADICTING,
+    GROSS_ERROR_LOG_ODDS,
     SURE_LOG_ODDS,
+    Diagnosis,
+)
+from uavgram.stages.refine.causes.identification import (
     IdentifiedCauses,
     describe_possible,
     identify_causes,

@@ -63,6 +63,7 @@ from uavgram.stages.refine.minima import (
     FULL,
     QUICK_TRIAL,
     Participants,
+    Patience,
     adjust_on_trial,
     find_best_minima,
     find_minima_from,
@@ -245,7 +246,7 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
     """
     failed: GeometryError | None = None
     try:
-        plain = plain or find_best_minima(taking)
+        plain = plain or find_best_minima(taking, Patience(goal=_bound_cost_in_order(taking)))
     except GeometryError as why:
         failed = why
     if plain is None or not _is_in_order(taking, plain):
@@ -271,6 +272,8 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
     if plain is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
+    if not plain.adjustment.minimum.converged:  # it may have been interrupted
+        plain = find_best_minima(taking)
     plain = _mark_misplaced_photos(taking.survey, plain)
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
 
@@ -291,6 +294,15 @@ def _are_most_left(whole: Participants, rest: Participants) -> bool:
     """Return whether few frames were left out; if many were, the frames are not at fault."""
     before, after = (np.unique(one.survey.pick_frame[one.keep]) for one in (whole, rest))
     return len(after) >= (1.0 - MAX_GROSS_SHARE) * len(before)
+
+
+def _bound_cost_in_order(taking: Participants) -> float:
+    """Bound the sum of squares of an adjustment in order (`_is_in_order`)."""
+    survey = taking.survey
+    if survey.matches.points + survey.ties.points:
+        return np.inf  # their sightings begin far off, and are tested elsewhere
+    kinds = survey.pick_frame, survey.line_start, survey.known, survey.control_label
+    return ORDINARY_SIGMAS**2 * sum(map(len, (*kinds, survey.label, survey.frame_id)))
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
@@ -557,7 +569,7 @@ def _try_without_references(
     found
         Candidates so far, that of least cost first.
     """
-    whole, most = _add_small_roughness(taking), _most_of_a_rival(taking, found)
+    whole, patience = _add_small_roughness(taking), _choose_patience(taking, found)
     parts = (
         _leave_out_contradicting_control,
         _leave_out_each_click,
@@ -566,7 +578,7 @@ def _try_without_references(
         _leave_out_all_but_a_length,
     )
     for part in chain.from_iterable(leave_out(whole) for leave_out in parts):
-        yield from _adjust_from_reduced(part, whole, taking, most)
+        yield from _adjust_from_reduced(part, whole, taking, patience)
 
 
 def _try_without_two_lengths(
@@ -585,11 +597,11 @@ def _try_without_two_lengths(
     """
     if found and found[0].explains() and len(np.unique(taking.survey.pick_frame)) > 1:
         return
-    whole, most = _add_small_roughness(taking), _most_of_a_rival(taking, found)
+    whole, patience = _add_small_roughness(taking), _choose_patience(taking, found)
     lines = np.flatnonzero(~taking.line_removed).tolist()
     if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
-        for pair in combinations(lines, 2):
-            yield from _adjust_from_reduced(whole.leave_out_lines(pair), whole, taking, most)
+        for rest in map(whole.leave_out_lines, combinations(lines, 2)):
+            yield from _adjust_from_reduced(rest, whole, taking, patience)
 
 
 def _try_without_suspects(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -714,20 +726,16 @@ def _add_small_roughness(taking: Participants) -> Participants:
     return replace(taking, survey=_softer(taking.survey, 1.0))
 
 
-def _most_of_a_rival(taking: Participants, found: Sequence[Candidate]) -> float:
-    """Bound the sum of squares of a part whose missing observation could be the gross error.
+def _choose_patience(taking: Participants, found: Sequence[Candidate]) -> Patience:
+    """Choose the patience with a part whose missing observation could be the gross error.
 
-    Where one gross error explains everything, two are no rival: a part of the observations that
-    still contains one is not worth a robust adjustment. Infinite where one does not.
+    A part without gross errors needs few iterations. Where few gross errors explain everything, a
+    part that still contains some is no rival, and not worth a robust adjustment.
     """
-    if not found:
-        return np.inf
-    cost = found[0].cost(taking)
-    return (
-        cost + MAX_RIVAL_INCREASE - GROSS_SIGMAS**2
-        if cost + MAX_RIVAL_INCREASE < 2.0 * GROSS_SIGMAS**2
-        else np.inf
-    )
+    if not found or not found[0].explains() or len(found[0].unplaced):
+        return QUICK_TRIAL
+    goal = found[0].cost(taking) + MAX_RIVAL_INCREASE - GROSS_SIGMAS**2
+    return QUICK_TRIAL._replace(goal=goal)
 
 
 def _sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
@@ -887,7 +895,7 @@ def _adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
 
 
 def _adjust_from_reduced(
-    reduced: Participants, whole: Participants, taking: Participants, most: float = np.inf
+    reduced: Participants, whole: Participants, taking: Participants, patience: Patience = FULL
 ) -> Iterator[Candidate]:
     """Adjust robustly from each ordinary minimum of a part of the observations.
 
@@ -899,15 +907,15 @@ def _adjust_from_reduced(
         All participating observations; the robust adjustment decides on those that were left out.
     taking
         The same with the stated sigmas.
-    most
-        Sum of squares of the part beyond which it is skipped; few iterations show whether it is.
+    patience
+        Largest numbers of iterations, and the sum of squares of the part beyond which it is
+        skipped.
     """
     try:
-        iterations = QUICK_TRIAL if most < np.inf else FULL
-        first = find_minima_from(reduced, find_first_values, iterations)
+        first = find_minima_from(reduced, find_first_values, patience)
     except GeometryError:
         return
-    if first.adjustment.minimum.cost > most:
+    if first.adjustment.minimum.cost > patience.goal:
         return
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it

@@ -158,10 +158,13 @@ class Patience(NamedTuple):
         Iterations from the only first values.
     several
         Iterations from each of several: a rival that is interrupted goes unreported.
+    goal
+        Sum of squares above which a result is of no use, and the iterations may end.
     """
 
     single: int | None = None
     several: int | None = None
+    goal: float = np.inf
 
 
 TRIAL_ITERATIONS = 20
@@ -380,7 +383,7 @@ def _find_minima(
     undetermined: GeometryError | None = None
     for values in starts:
         try:
-            found.append(_minimise(survey, values, line_used, most))
+            found.append(_minimise(survey, values, line_used, most, patience.goal))
         except GeometryError as error:  # one start may be where two solutions merge
             undetermined = undetermined or error
             loose.append(values)
@@ -392,7 +395,7 @@ def _find_minima(
     rivals = [one for one in found[1:] if one[1].converged]
     for values in loose:
         with suppress(GeometryError):  # undetermined even with damping
-            rivals.append(_minimise(survey, values, line_used, most, DAMPING))
+            rivals.append(_minimise(survey, values, line_used, most, patience.goal, DAMPING))
     for problem, minimum in rivals:
         if _is_rival(minimum, minima):
             minima.append(_adjustment(problem, minimum))
@@ -400,7 +403,12 @@ def _find_minima(
 
 
 def _minimise(
-    survey: Survey, values: FirstValues, line_used: Bools, most: int, slack: float = 0.0
+    survey: Survey,
+    values: FirstValues,
+    line_used: Bools,
+    most: int,
+    goal: float,
+    slack: float = 0.0,
 ) -> tuple[SurveyProblem, Minimum[State]]:
     survey, tied = add_first_ties(survey, values)
     pivot = compute_area_centroids(survey, values.point_m)
@@ -425,7 +433,8 @@ def _minimise(
         turning=np.zeros((layout.frames, layout.frame_size - 6)),
     )
     try:
-        minimum = iterate(problem, approach_minimum(survey, state, pivot, line_used), most, slack)
+        state = approach_minimum(survey, state, pivot, line_used)
+        minimum = iterate(problem, state, most, slack, goal=goal)
     except SingularError as error:
         raise UndeterminedError(
             f"the observations do not determine {layout.describe(error.index, survey)}: add known "

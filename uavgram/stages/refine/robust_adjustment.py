@@ -157,7 +157,8 @@ def decide(
 
     An observation that takes no part is predicted by the rest, and returns where it agrees with the
     prediction. So do neighbours of a gross error, which shared its misfit while all had weights. An
-    observation that has to leave a second time stays out.
+    observation that has to leave a second time stays out. So do those that fit one by one, as all
+    do where little else determines a pose, but together contradict the rest.
 
     Parameters
     ----------
@@ -170,9 +171,10 @@ def decide(
     has_returned: dict[str, Bools] = {}
     frames: tuple[str, ...] = ()
     misfit: dict[str, Floats] = {}
+    noise: dict[str, float] = {}
     on_ground = np.zeros(len(problem.third.rough), dtype=np.bool_)
     for k in range(MOST_ROUNDS):
-        misfit = _compute_misfits(problem, minimum, weight)
+        misfit, noise = _compute_misfits(problem, minimum, weight)
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
         if k == 0:
             frames = _find_frames_of_other_places(problem, gross["pixels"])
@@ -184,18 +186,25 @@ def decide(
             on_ground |= unlikely
             gross["pixels"] |= np.isin(problem.survey.pick_label, problem.third.rough[unlikely])
             _try_heights(problem, gross, out.get("roughness"), on_ground)
+        back: dict[str, Bools] = {}
         for name, is_out in gross.items():
             before = out.get(name, np.zeros_like(is_out))
             returned = has_returned.get(name, np.zeros_like(is_out))
             is_out[returned & before] = True
-            has_returned[name] = returned | (before & ~is_out)
+            back[name] = before & ~is_out
+            has_returned[name] = returned | back[name]
         if out and all(np.array_equal(is_out, out[name]) for name, is_out in gross.items()):
             break
-        out = gross
-        weight = {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in out.items()}
-        minimum = minimise_weighted_cost(problem, minimum.state, weight)
-    out, minimum, misfit = _restore_observations(problem, minimum, out, misfit)
-    weight = {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in out.items()}
+        goal = minimum.cost + _bound_increase(back, noise) if out else np.inf
+        weight = _weigh(gross)
+        found = minimise_weighted_cost(problem, minimum.state, weight, goal=goal)
+        if any(map(np.any, back.values())) and found.cost > goal:
+            gross = {name: is_out | back[name] for name, is_out in gross.items()}
+            weight = _weigh(gross)
+            found = minimise_weighted_cost(problem, minimum.state, weight)
+        out, minimum = gross, found
+    out, minimum, misfit = _restore_observations(problem, minimum, out, misfit, noise)
+    weight = _weigh(out)
     frames = frames or _find_frames_of_other_places(problem, out["pixels"])
     frames = frames or _find_turned_frames(problem, minimum, out)
     # Make the misfits consistent with the decisions.
@@ -207,6 +216,16 @@ def decide(
     return Annealed(
         problem, minimum, frames, weight, misfit, compute_bounded_cost(problem, minimum, out)
     )
+
+
+def _weigh(out: Mapping[str, Bools]) -> dict[str, Floats]:
+    """Return the weights of observations of which some take no part, by group."""
+    return {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in out.items()}
+
+
+def _bound_increase(back: Mapping[str, Bools], noise: Mapping[str, float]) -> float:
+    """Bound the increase of the cost by observations that return, none of them a gross error."""
+    return sum((GROSS_SIGMAS * noise[name]) ** 2 * int(own.sum()) for name, own in back.items())
 
 
 def compute_bounded_cost(
@@ -231,6 +250,7 @@ def _restore_observations(
     minimum: Minimum[State],
     out: dict[str, Bools],
     misfit: dict[str, Floats],
+    noise: Mapping[str, float],
 ) -> tuple[dict[str, Bools], Minimum[State], dict[str, Floats]]:
     """Restore observations that left a second time, but agree with all that take part.
 
@@ -243,23 +263,29 @@ def _restore_observations(
         The likelihood, and the adjustment without the gross errors.
     out, misfit
         Mask of the observations that take no part, and the standardised misfits, by group.
+    noise
+        Factors of the sigmas of each kind.
     """
     may_return = {name: is_out & (misfit[name] <= GROSS_SIGMAS) for name, is_out in out.items()}
     if "tape" in out:
         may_return["lengths"] &= ~out["tape"][_tapes(problem)]
-    back = [
+    agreeing = [
         (float(misfit[name][row]), name, row)
         for name, rows in may_return.items()
         for row in np.flatnonzero(rows).tolist()
     ]
     # Try all of them, then without the one of largest misfit, and so on, until no misfit is gross.
-    for number in range(len(back), max(0, len(back) - MOST_ROUNDS), -1):
+    for number in range(len(agreeing), max(0, len(agreeing) - MOST_ROUNDS), -1):
         fewer = {name: is_out.copy() for name, is_out in out.items()}
-        for _, name, row in sorted(back)[:number]:
+        for _, name, row in sorted(agreeing)[:number]:
             fewer[name][row] = False
-        weight = {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in fewer.items()}
-        found = minimise_weighted_cost(problem, minimum.state, weight)
-        size = _compute_misfits(problem, found, weight)
+        back = {name: is_out & ~fewer[name] for name, is_out in out.items()}
+        goal = minimum.cost + _bound_increase(back, noise)
+        weight = _weigh(fewer)
+        found = minimise_weighted_cost(problem, minimum.state, weight, goal=goal)
+        if found.cost > goal:
+            continue
+        size, _ = _compute_misfits(problem, found, weight)
         if not any((size[name][~is_out] > GROSS_SIGMAS).any() for name, is_out in fewer.items()):
             return fewer, found, size
     return out, minimum, misfit
@@ -270,6 +296,7 @@ def minimise_weighted_cost(
     state: State,
     weight: Mapping[str, Floats],
     softness: Mapping[str, float] | None = None,
+    goal: float = np.inf,
 ) -> Minimum[State]:
     """Minimise the weighted cost.
 
@@ -281,6 +308,8 @@ def minimise_weighted_cost(
         (n,) weights of the observations, by group; 1 where a group has none.
     softness
         Factors of the sigmas, by group; 1 where a group has none.
+    goal
+        Cost above which the result is of no use.
     """
 
     def evaluate(now: State) -> dict[str, Block] | None:
@@ -302,6 +331,7 @@ def minimise_weighted_cost(
         ITERATIONS_EACH,
         at_rest=MIN_REDUCTION,
         slack=DAMPING,
+        goal=goal,
     )
 
 
@@ -353,11 +383,16 @@ def compute_squared_misfits(
 
 def _compute_misfits(
     problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
-) -> dict[str, Floats]:
-    """Compute standardised misfits (n,) of all observations, in units of their kind's noise."""
+) -> tuple[dict[str, Floats], dict[str, float]]:
+    """Compute standardised misfits (n,) of all observations, in units of their kind's noise.
+
+    Returns
+    -------
+    The misfits, and the noise as a factor of the stated sigmas, by group.
+    """
     squares = compute_squared_misfits(problem, minimum, weight)
     noise = _estimate_noise(squares, weight)
-    return {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
+    return {name: np.sqrt(square) / noise[name] for name, square in squares.items()}, noise
 
 
 def _estimate_noise(

@@ -123,6 +123,7 @@ def iterate(
     most: int,
     slack: float = 0.0,
     at_rest: float = MIN_REDUCTION,
+    goal: float = np.inf,
 ) -> Minimum[State]:
     """Iterate from a state to a minimum.
 
@@ -138,6 +139,8 @@ def iterate(
         Damping of undetermined unknowns, as a share of the normal matrix's diagonal.
     at_rest
         Predicted decrease of the sum of squares below which the iterations end.
+    goal
+        Sum of squares above which the result is of no use.
 
     Raises
     ------
@@ -154,4 +157,5 @@ def iterate(
         most,
         at_rest=at_rest,
         slack=slack,
+        goal=goal,
     )

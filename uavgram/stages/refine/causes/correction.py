@@ -23,10 +23,9 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
 from uavgram.stages.refine.minima import (
-    FULL,
-    QUICK_TRIAL,
     TRIAL_ITERATIONS,
     Participants,
+    Patience,
     adjust_on_trial,
 )
 from uavgram.stages.refine.readjustment import convert_state
@@ -112,14 +111,15 @@ MIN_FIT_PROBABILITY = 1e-5
 
 
 def readjust_corrected(
-    diagnosis: Diagnosis, taking: Participants, hypothesis: Hypothesis
+    diagnosis: Diagnosis, taking: Participants, hypothesis: Hypothesis, goal: float
 ) -> Refined | None:
     """Adjust the participating observations from the present state; None without a result.
 
     It begins from first values instead where the present state is of no use: it did not converge or
     is distorted by misfits, the hypothesis changes everything, poses of the log take part again, or
     ties have other points. Misfits and poses are no reason for a hypothesis that begins at a state
-    of its own, or that gives up a prior where the whole log was left out.
+    of its own, or that gives up a prior where the whole log was left out. So it does where the
+    present state leads to no minimum.
 
     Parameters
     ----------
@@ -129,12 +129,15 @@ def readjust_corrected(
         Participating observations of the changed survey.
     hypothesis
         The hypothesis by which it was changed.
+    goal
+        Sum of squares above which a result is of no use.
     """
+    most = Patience(goal=goal)
     present = diagnosis.adjustment
     survey = remove_known(widen_poses(taking.survey, taking.pose_widened), taking.known_removed)
     selection = select_picks(survey, taking.keep)
     if hypothesis.is_of_all:
-        return adjust_on_trial(taking, FULL)
+        return adjust_on_trial(taking, most)
     is_bent = compute_core_fit(present).probability < MIN_FIT_PROBABILITY
     # A photo whose pose by the log takes part again may be far from it.
     is_far = taking.pose_widened.keys() != diagnosis.refined.pose_widened.keys()
@@ -146,10 +149,10 @@ def readjust_corrected(
         or not present.minimum.converged
         or _has_ties(selection)
     ):
-        return adjust_on_trial(taking, QUICK_TRIAL)
+        return adjust_on_trial(taking, most)
     start = _initial_state(diagnosis, selection)
     if start is None:
-        return adjust_on_trial(taking, QUICK_TRIAL)
+        return adjust_on_trial(taking, most)
     if hypothesis.begun is not None:
         start = hypothesis.begun(start)
     used = ~taking.line_removed[selection.line_index]
@@ -159,11 +162,11 @@ def readjust_corrected(
         lens = np.linalg.pinv(problem.intrinsic_basis) @ present.problem.intrinsic_basis
         start = replace(start, intrinsic=lens @ start.intrinsic)
         present = replace(present, minimum=replace(present.minimum, state=start))
-        minimum = iterate(problem, convert_state(present, problem), TRIAL_ITERATIONS)
+        minimum = iterate(problem, convert_state(present, problem), TRIAL_ITERATIONS, goal=goal)
         adjustment = Adjustment(problem, minimum, minimum.factor.covariance())
     except (SingularError, ValueError):
-        return None
-    return Refined(
+        return adjust_on_trial(taking, most)
+    refined = Refined(
         adjustment=adjustment,
         pick_index=selection.pick_index,
         line_index=selection.line_index,
@@ -176,6 +179,7 @@ def readjust_corrected(
         known_removed=taking.known_removed,
         pose_widened=taking.pose_widened,
     )
+    return refined if minimum.converged else adjust_on_trial(taking, most) or refined
 
 
 def _has_ties(selection: Selection) -> bool:

@@ -31,6 +31,10 @@ GROSS_ERROR_LOG_ODDS = 6.0
 """Logarithm of the odds against a gross error of an observed number at its specific value: the
 range of gross errors over the sigma of the number."""
 
+SURE_LOG_ODDS = float(np.log(20.0))
+"""Logarithm of the odds above which a hypothesis is reported, or a less likely one no longer
+tried."""
+
 POSE_SIZE = 3
 """Number of observed numbers that a wrong pose of the log counts as: its position, or direction."""
 

@@ -32,7 +32,7 @@ from uavgram.stages.refine.causes.flight_log import (
     propose_turned_camera,
     propose_wrong_clock,
 )
-from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import SURE_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.length_ends import propose_other_ends
 from uavgram.stages.refine.causes.length_readings import (
     propose_other_units,
@@ -74,10 +74,6 @@ MAX_CAUSES, MAX_TRIED, MAX_TRIED_OF_A_KIND, MAX_TRIED_WITH_NOISE = 6, 9, 3, 2
 """Largest numbers of reported causes; of hypotheses that are tested by an adjustment each time, and
 of each kind among them; and of those that are also tested with the noise that would explain the
 misfit instead."""
-
-SURE_LOG_ODDS = float(np.log(20.0))
-"""Logarithm of the odds above which a hypothesis is reported, or a less likely one no longer
-tried."""
 
 Proposal: TypeAlias = Callable[[Diagnosis], Iterable[Hypothesis]]
 """Function that proposes hypotheses of a kind for a survey."""

@@ -21,12 +21,12 @@ from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
     POSE_SIZE,
+    SURE_LOG_ODDS,
     Diagnosis,
     Hypothesis,
     correct_participants,
     find_changed_lines,
 )
-from uavgram.stages.refine.minima import FULL, adjust_on_trial
 from uavgram.stages.refine.noise import estimate_noise
 
 
@@ -158,10 +158,10 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     taking = correct_participants(diagnosis, mend, back, lines_back=lines_back)
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
-    refined = readjust_corrected(diagnosis, taking, hypothesis)
-    # The corrected survey may be far from the present state: begin from first values.
-    if refined is None or not refined.adjustment.minimum.converged:
-        refined = adjust_on_trial(taking, FULL) or refined
+    # The price of the hypothesis contains that of the lengths that it leaves out.
+    paid = 2.0 * GROSS_ERROR_LOG_ODDS * len(mend.without_lines)
+    goal = _bound_cost(diagnosis, hypothesis, paid)
+    refined = readjust_corrected(diagnosis, taking, hypothesis, goal)
     # A freed unknown may end along a valley: its gain is at least that of its present state.
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
         return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
@@ -169,8 +169,6 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     # Noise of the survey before and after: what the mistake adds to either is not noise.
     noise = min(_noise_of_core(diagnosis.adjustment), _noise_of_core(refined.adjustment))
     squares = diagnosis.adjustment.minimum.cost - refined.adjustment.minimum.cost
-    # The price of the hypothesis contains that of the lengths that it leaves out.
-    paid = 2.0 * GROSS_ERROR_LOG_ODDS * len(mend.without_lines)
     gain, found = diagnosis.cost - after.cost + paid, judged.found
     regained = gain - squares
     if found is not None and hypothesis.freed is not None:
@@ -186,6 +184,22 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     of_log = _noise_of_log(refined.adjustment, hypothesis)
     one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, noise, of_log, squares, regained)
     return one.rescale_odds(noise)
+
+
+def _bound_cost(diagnosis: Diagnosis, hypothesis: Hypothesis, paid: float) -> float:
+    """Bound the sum of squares of a trial: above it, the hypothesis cannot be likely.
+
+    Parameters
+    ----------
+    diagnosis, hypothesis
+        The survey under diagnosis, and the hypothesis.
+    paid
+        Part of its price that its readjustment contains.
+    """
+    before = diagnosis.adjustment.minimum.cost
+    least = 2.0 * (hypothesis.price - SURE_LOG_ODDS) - (diagnosis.cost - before) - paid
+    # An increase of the squares counts less where the noise is larger than stated.
+    return before - (least if least > 0.0 else least * _noise_of_core(diagnosis.adjustment))
 
 
 def _noise_of_core(adjustment: Adjustment) -> float:
