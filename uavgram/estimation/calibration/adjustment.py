@@ -177,8 +177,7 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
         poses, border = np.split(step, [structure.first_shared])
         return state.apply_step(lens, border, poses.reshape(-1, POSE_SIZE))
 
-    blocks = evaluate(start)
-    if blocks is None:
+    if evaluate(start) is None:
         raise UndeterminedError("the board is behind the camera in the first values of a photo")
     end = minimise(
         start,
@@ -189,7 +188,6 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
         MAX_ITERATIONS,
         at_rest=MIN_REDUCTION,
         slack=FACTOR_DAMPING,
-        first=blocks,
     )
     state, blocks, cost = end.state, end.blocks, end.cost
     if end.converged:  # a last step, whose effect on the cost is lost in rounding
