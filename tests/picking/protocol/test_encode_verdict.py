@@ -78,7 +78,7 @@ def test_what_is_known_stands_beside_an_amber_light() -> None:
     verdict = Verdict(level="amber", reasons=(Reason(cause="nothing-checks", text="Tape more."),))
 
     words = told_of(replace(made, verdict=verdict))["words"]
-    assert words == "Check: 8 of 10 measurements are in order."
+    assert words == "Check: 7 of 10 measurements are ok, 2 not checked and 1 not computed."
 
 
 def test_each_measurement_has_its_own_reason() -> None:

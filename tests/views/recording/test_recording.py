@@ -414,7 +414,8 @@ def test_the_summary_opens_with_what_is_wrong(contents: Contents) -> None:
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
 
     assert text.startswith(
-        "# ⚠ Check: 0 of 10 measurements are in order.\n\n1. Line 'R3 hedge' disagrees"
+        "# ⚠ Check: 9 of 10 measurements are doubtful and 1 not computed.\n\n"
+        "1. Line 'R3 hedge' disagrees"
     )
     assert "'to the tree' cannot be measured" in text
     assert "2 more are on the page *Measured*" in text

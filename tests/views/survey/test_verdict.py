@@ -72,8 +72,8 @@ def test_amber_does_not_claim_that_all_is_in_order() -> None:
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
     assert verdict_sentence(survey.build()) == (
-        "Verdict: amber, check this first: 0 of 10 measurements are in order. Line 'R3 hedge' "
-        "disagrees by 0.21 m (w = 13.5): read the tape again. "
+        "Verdict: amber, check this first: 9 of 10 measurements are doubtful and 1 not computed. "
+        "Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): read the tape again. "
         "(And 1 other reason.)"
     )
 
@@ -84,7 +84,7 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
     amber = Verdict(level="amber", reasons=(replace(reason, instead=(free,)),))
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
-        "Verdict: amber, check this first: 0 of 10 measurements are in order. "
+        "Verdict: amber, check this first: 9 of 10 measurements are doubtful and 1 not computed. "
         "A and B seem swapped. To correct it: swap A and B, or free A."
     )
 
@@ -95,7 +95,9 @@ def test_of_several_possible_causes_the_verdict_advises_to_remove_none() -> None
     reason = Reason(cause="x", text=text, plain="One does not fit.", instead=either)
     amber = Verdict(level="amber", reasons=(reason,))
 
-    assert verdict_sentence(replace(survey.build(), verdict=amber)).endswith(f"in order. {text}")
+    assert verdict_sentence(replace(survey.build(), verdict=amber)).endswith(
+        f"not computed. {text}"
+    )
 
 
 def test_red_says_not_to_use_the_numbers_whatever_the_reason() -> None:

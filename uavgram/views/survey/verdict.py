@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import product
 from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.naming import format_count
+from uavgram.model.naming import format_count, join_names
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
@@ -109,7 +110,7 @@ def summarise_result(result: Result) -> str:
 
 
 def _known(result: Result) -> str:
-    """Return the value of the only measurement, or the number of those in order."""
+    """Return the value of the only measurement, or the number of those of each status."""
     rows = result.measurements
     if len(rows.name) <= MAX_VALUES:
         return (
@@ -119,10 +120,13 @@ def _known(result: Result) -> str:
     every = "both" if len(rows.name) == 2 else f"all {len(rows.name)}"
     if result.verdict.level == "green":
         return f"{every} measurements fit and are checked."
-    in_order = sum(status == "ok" for status in rows.status)
-    if in_order == len(rows.name):
+    if all(status == "ok" for status in rows.status):
         return f"{every} measurements are in order, something else is not."
-    return f"{in_order} of {len(rows.name)} measurements are in order."
+    words = Counter(status_text(rows, row) for row in range(len(rows.name)))
+    (word, count), *others = words.most_common()
+    are = "is" if count == 1 else "are"
+    first = f"{count} of {len(rows.name)} measurements {are} {word}"
+    return f"{join_names((first, *(f'{n} {word}' for word, n in others)), None)}."
 
 
 def list_named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
