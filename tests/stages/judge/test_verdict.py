@@ -154,6 +154,24 @@ def test_a_log_that_was_left_out_bends_nothing(clean: Judged, code: str) -> None
         assert judged.verdict(of(code))[0].level == level
 
 
+def test_what_rests_on_a_length_that_is_never_suspected_is_not_in_order() -> None:
+    """An error of 0.9 m in a length with a redundancy of 0.003 moves a distance by 6 sigmas."""
+    scene = make_scene(0, frames=2, lines=4, labels=10, telemetry=False, gauge="plane")
+    length_m = np.array(scene.survey.length_m)
+    length_m[3] -= 0.9
+    picks_px = 3.0 * scene.survey.pick_sigma_px
+    survey = replace(scene.survey, pick_sigma_px=picks_px, length_m=length_m)
+    refined, _ = refine(survey, SolveOptions(noise="stated"))
+    measured = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)
+    examined = run_tests(refined, measured, 0.001)
+
+    ends = [survey.label.index(name) for name in REQUESTS[1].points]
+    true = np.linalg.norm(np.subtract(*scene.world[ends]))
+    assert abs(measured.value[1] - true) > 5.0 * measured.sigma[1]
+    assert not examined.suspicions
+    assert Judged(examined, measurement_results(measured)[0]).verdict()[1][1] == "not-checked"
+
+
 def test_noise_as_large_as_gross_errors_is_a_contradiction() -> None:
     """With sigmas 39 times as large everything fits, even another zoom in one photo."""
     survey = make_scene(9, frames=6).survey

@@ -13,7 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY, TestedGroup, compute_cofactors
+from uavgram.estimation.reliability.redundancy import (
+    MIN_REDUNDANCY,
+    MIN_SUSPECT_REDUNDANCY,
+    TestedGroup,
+    compute_cofactors,
+)
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
@@ -24,10 +29,6 @@ MAX_CORRELATION = 0.99
 """Correlation of two test statistics from which their observations count as inseparable: for a
 blunder that the test finds with a probability of 80 %, it takes the wrong observation in 4 of 10
 cases (statistics of mean 4.13 and 0.99 * 4.13, and a difference of sigma sqrt(2 * 0.01))."""
-
-MIN_SUSPECT_REDUNDANCY = 0.02
-"""Redundancy number of a reading below which it is not suspected: its error would have to be many
-times its sigma, and any small error of the model looks like that through so small a redundancy."""
 
 MAX_DIFFERENCE = 2.0 * float(np.log(20.0))
 """Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to be

@@ -17,7 +17,10 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.reliability.redundancy import (
+    GROSS_SIGMAS,
+    MIN_SUSPECT_REDUNDANCY,
     TestedGroup,
+    compute_critical_value,
     compute_level,
     compute_noncentrality,
 )
@@ -231,16 +234,36 @@ def _find_undetected(
     """
     # Largest effect at the bound of detection: delta0 sqrt(g^T Q^-1 g), by the error delta0 Q^-1 g
     # / sqrt(g^T Q^-1 g), with effects g and cofactors Q of the axes.
-    bound = compute_noncentrality(compute_level(significance, group.tests))
+    level = compute_level(significance, group.tests)
+    bound = compute_noncentrality(level)
     along = group.direction[rows][:, :, axes].swapaxes(1, 2)
     response = along @ group.block.times(rows, measured.solved)
     # The largest possible error bounds it where it shows in no test at all.
     most = np.minimum(largest / group.scale[rows][:, axes], MAX_ERROR_SIGMAS)
-    limited = along @ shown @ along.swapaxes(1, 2)
+    limited = _limit_checks(along @ shown @ along.swapaxes(1, 2), bound, level)
     limited = limited + (bound / most)[:, :, None] ** 2 * np.eye(len(axes))
     error = np.linalg.solve(limited, response)
     size = np.sqrt(np.maximum(np.sum(response * error, axis=1), 0.0))
     return bound * error / np.where(size > 0, size, 1.0)[:, None], bound * size
+
+
+def _limit_checks(cofactors: Floats, bound: float, level: float) -> Floats:
+    """Reduce the cofactors (n, p, p) along axes with so little redundancy that no test is made.
+
+    Below `MIN_SUSPECT_REDUNDANCY` no reading is suspected: its error shows only as a gross error,
+    or in the test of the whole survey, from `GROSS_SIGMAS` on.
+
+    Parameters
+    ----------
+    cofactors
+        Cofactor matrices of readings.
+    bound, level
+        Noncentrality of errors at the bound of detection by a test, and the level of that test.
+    """
+    share, axes = np.linalg.eigh(cofactors)
+    gross = GROSS_SIGMAS + bound - compute_critical_value(level)
+    found = np.where(share > MIN_SUSPECT_REDUNDANCY, share, (bound / gross) ** 2 * share)
+    return np.asarray(axes * found[:, None, :] @ axes.swapaxes(1, 2))
 
 
 def _add_undetected(

@@ -27,6 +27,9 @@ TEST_POWER = 0.80
 MIN_REDUNDANCY = 1e-6
 """Redundancy number below which an observation is not checked by any other."""
 
+MIN_SUSPECT_REDUNDANCY = 0.02
+"""Redundancy number of a reading below which it is not suspected: its error would have to be many
+times its sigma, and any small error of the model looks like that through so small a redundancy."""
 
 FAMILY_SIZE = 10
 """Number of tests of one kind that each have the stated significance; more tests share it."""

@@ -300,8 +300,8 @@ VerdictLevel = Literal["green", "amber", "red"]
 """Level of a verdict.
 
 Red: the observations contradict each other, do not use the numbers. Amber: something does not fit,
-or nothing checks it. Green: everything fits, and a gross error in any single reading would have
-been noticed. No level at all (None): nothing was measured.
+or nothing checks it. Green: everything fits, and an error in any single reading would have been
+noticed before it moves a value by ten of its sigmas. No level at all (None): nothing was measured.
 """
 
 MeasurementStatus = Literal["ok", "not-checked", "doubtful", "contradicted"]

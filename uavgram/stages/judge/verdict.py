@@ -1,7 +1,8 @@
 """Verdict on a result: red, amber or green, with reasons from the messages.
 
-The colours predict. Green: everything fits, and a gross error in any single reading would have been
-detected. Red: readings that take part contradict each other, and no single one of them explains it.
+The colours predict. Green: everything fits, and an error in any single reading would have been
+detected before it moves a value by ten of its sigmas. Red: readings that take part contradict each
+other, and no single one of them explains it.
 Without a measurement there is nothing to predict, and no verdict.
 """
 
