@@ -56,6 +56,13 @@ def test_a_frame_with_fewer_than_four_known_points_has_none(
     assert find_known_point_poses(scene_factory(1, control=3, **ALONE).survey) == ()
 
 
+def test_clicks_of_one_point_count_once(scene_factory: Callable[..., Scene]) -> None:
+    survey = scene_factory(1, frames=1, control=3, **ALONE).survey
+    names = ("pick_frame", "pick_label", "pixel_px", "pick_sigma_px")
+    twice = {name: np.concatenate([getattr(survey, name)] * 2) for name in names}
+    assert find_known_point_poses(replace(survey, **twice)) == ()
+
+
 def test_points_on_one_line_have_no_pose() -> None:
     along = np.array([-6.0, -2.0, 1.0, 5.0])
     world = np.stack([along, 0.5 * along, np.zeros(4)], axis=1)

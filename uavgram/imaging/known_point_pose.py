@@ -37,7 +37,7 @@ def find_known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
     found = []
     for frame, name in enumerate(survey.frame_id):
         picks = np.flatnonzero(usable & (survey.pick_frame == frame))
-        if len(picks) < MIN_POINTS:
+        if len(np.unique(known[picks])) < MIN_POINTS:  # clicks of one point count once
             continue
         poses = find_poses_from_points(survey.control_world_m[known[picks]], ray[picks])
         if poses is not None:

@@ -283,6 +283,9 @@ MOST_EXCHANGED = 12
 """Number of control points up to which exchanges of two of them are tried, and their distances
 used."""
 
+LINE_RATIO = 0.01
+"""Ratio of the second to the largest extent of control points below which they are on one line."""
+
 AGREEMENT_SHARE = 0.02
 """Largest distance of a control point from its place in the network of photos, as a share of the
 extent of all control, to agree."""
@@ -354,10 +357,19 @@ def _state_control_heights(survey: Survey, height_m: float) -> Survey:
 
 
 def _add_control_distances(survey: Survey) -> Survey:
-    """Add the distances between control points in one plane, as if they were taped."""
+    """Add the distances between control points in one plane, as if they were taped.
+
+    Of points on one line only the longest: the others say no more about the plane.
+    """
     rows = np.flatnonzero(~survey.is_free[survey.control_label])[:MOST_EXCHANGED]
     one, other = (rows[k] for k in np.triu_indices(len(rows), 1))
     place, sigma = survey.control_world_m, survey.control_sigma_m.max(axis=1, initial=0.0)
+    if len(rows) > 2:
+        off = place[rows] - place[rows].mean(axis=0)
+        extent = np.linalg.svd(off, compute_uv=False)
+        if extent[1] < LINE_RATIO * extent[0]:
+            longest = np.linalg.norm(place[one] - place[other], axis=1).argmax()
+            one, other = one[longest : longest + 1], other[longest : longest + 1]
     return replace(
         survey,
         line_start=np.append(survey.line_start, survey.control_label[one]),
