@@ -230,9 +230,9 @@ def test_a_run_that_does_not_come_to_rest_names_no_reading(
     found = iterate
 
     def unfinished(
-        problem: SurveyProblem, state: State, most: int, slack: float = 0.0
+        problem: SurveyProblem, state: State, most: int, slack: float = 0.0, goal: float = np.inf
     ) -> Minimum[State]:
-        return replace(found(problem, state, most, slack), converged=False)
+        return replace(found(problem, state, most, slack, goal=goal), converged=False)
 
     monkeypatch.setattr(minima, "iterate", unfinished)
     monkeypatch.setattr(readjustment, "iterate", unfinished)

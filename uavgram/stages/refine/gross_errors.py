@@ -374,14 +374,24 @@ class Candidate:
         """Return the cost, with each participating pick without a place as a gross error.
 
         Of a whole photo without a place only so many picks count as gross errors as determine its
-        pose and check it, and the others as errors of the stated size.
+        pose and check it, and the others as errors of the stated size. So do lengths, known things
+        and control at points without a place.
         """
         frame, frames = whole.survey.pick_frame, len(whole.survey.frame_id)
         placed = np.bincount(frame[self.first.pick_index], minlength=frames)
         lost = np.bincount(frame[whole.keep], minlength=frames) - placed
         gross = np.where(placed > 0, lost, np.minimum(lost, MOST_GROSS_OF_A_PHOTO))
         usual = 2.0 * (lost - gross)  # expected sum of squares of two numbers each
-        return self.annealed.cost + float(np.sum(GROSS_SIGMAS**2 * gross + usual))
+        picks = float(np.sum(GROSS_SIGMAS**2 * gross + usual))
+        return self.annealed.cost + picks + self._count_lost_numbers(whole)
+
+    def _count_lost_numbers(self, whole: Participants) -> int:
+        """Count the numbers of lengths, known things and control that have no part in it."""
+        survey, problem = whole.survey, self.annealed.problem
+        lines = int((~whole.line_removed).sum()) - len(problem.line_index)
+        control = len(survey.control_label) - len(problem.survey.control_label)
+        known = len(survey.known) - len(whole.known_removed) - len(problem.known)
+        return lines + known + survey.control_world_m.shape[1] * control
 
     def fits(self) -> bool:
         """Test whether the observations without the gross errors agree (chi-square test)."""
@@ -729,11 +739,11 @@ def _add_small_roughness(taking: Participants) -> Participants:
 def _choose_patience(taking: Participants, found: Sequence[Candidate]) -> Patience:
     """Choose the patience with a part whose missing observation could be the gross error.
 
-    A part without gross errors needs few iterations. Where few gross errors explain everything, a
-    part that still contains some is no rival, and not worth a robust adjustment.
+    Where few gross errors explain everything, a part that still contains some is no rival, and not
+    worth a robust adjustment; few iterations show whether it does.
     """
     if not found or not found[0].explains() or len(found[0].unplaced):
-        return QUICK_TRIAL
+        return FULL
     goal = found[0].cost(taking) + MAX_RIVAL_INCREASE - GROSS_SIGMAS**2
     return QUICK_TRIAL._replace(goal=goal)
 
@@ -842,7 +852,7 @@ def _leave_out_each_length(whole: Participants) -> Iterator[Participants]:
     if survey.telemetry is not None and lines:
         yield whole.leave_out_lines(lines)
     is_alone = len(np.unique(survey.pick_frame[whole.keep])) == 1
-    if (survey.telemetry is None or is_alone) and 3 < len(lines) <= MOST_STARTS:
+    if (survey.telemetry is None or is_alone) and len(lines) <= MOST_STARTS:
         yield from (whole.leave_out_lines([line]) for line in lines)
 
 
