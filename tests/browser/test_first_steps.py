@@ -19,7 +19,7 @@ def test_the_first_steps_are_ticked_folded_and_brought_back(
         expect(steps.locator("li b")).to_have_text(
             [
                 "Mark four points",
-                "Enter two lengths that were taped",
+                "Enter three lengths that were taped",
                 "Measure what you want to know",
             ]
         )

@@ -122,6 +122,9 @@ def test_a_height_that_nobody_stated_is_told_and_freed_by_a_button(
     expect(stands).to_contain_text("the ground, ±")
     expect(page.get_by_role("button", name="Free the height of R1")).to_have_count(0)
     assert is_free(server, "R1")
+    # What rests on a point that is removed everywhere is named.
+    page.keyboard.press("Shift+Delete")
+    expect(page.locator("#notice")).to_contain_text("went with R1: Undo (Ctrl+Z)")
     assert not open_page.errors
 
 

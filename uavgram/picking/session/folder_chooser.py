@@ -249,7 +249,7 @@ class FolderChooser:
         return folder.name or str(folder)
 
     def _name_way(self, folder: Path) -> str:
-        root = self._folders.root_of(folder) or folder
+        root = self._folders.root_of(folder) or Path(folder.anchor)  # as named on the command line
         return " \u203a ".join(folder.parent.relative_to(root).parts) if folder != root else ""
 
     def _describe_folder(self, one: ListedFolder) -> m.Listed:

@@ -6,7 +6,7 @@ import { Question } from "../elements/question.js";
 import { roundSmall } from "../elements/units.js";
 import { distanceMessage, entryMessage, formToTake, isUnread, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
-import { byHand, goneWith } from "../photos/sources.js";
+import { byHand, goneWith, goneWithPoint } from "../photos/sources.js";
 import { Again } from "./repeated_clicks.js";
 import { Clicks } from "./clicks.js";
 import { Heights } from "./heights.js";
@@ -312,8 +312,10 @@ export class Tools {
     const { active } = this.panes;
     if (!label || !active) return;
     const pick = pickAt(active.image, label);
-    if (everywhere) this.send({ t: "forget", label });
-    else if (pick) {
+    if (everywhere) {
+      this.say(goneWithPoint(label));
+      this.send({ t: "forget", label });
+    } else if (pick) {
       this.say(goneWith(pick));
       this.send({ t: "unpick", image: active.image, label });
     } else this.proposals.refuse([[active.image, label]]);

@@ -42,8 +42,8 @@ function stepsOf() {
   };
   if (!isPlaced()) {
     return [
-      { words: several ? "Mark the same four points in two photos" : "Mark four points", done: (several ? twice : counts.length) >= 4, how: several ? "Click things on the ground that both photos show. Page Down shows the next photo: click the same things there in the same order; the field Label shows which one comes next." : "Click things on the ground." },
-      { words: "Enter two lengths that were taped", done: store.lines.length >= 2, how: `Tool ${TOOLS.length.name} (L): click both ends, type what the tape said. Nothing else says how large things are.` },
+      { words: several ? "Mark the same six points in two photos" : "Mark four points", done: several ? twice >= 6 : counts.length >= 4, how: several ? "Click things on the ground that both photos show. Page Down shows the next photo: click the same things there in the same order; the field Label shows which one comes next." : "Click things on the ground." },
+      { words: `Enter ${several ? "two" : "three"} lengths that were taped`, done: store.lines.length >= (several ? 2 : 3), how: `Tool ${TOOLS.length.name} (L): click both ends, type what the tape said. Nothing else says how large things are.` },
       measure,
     ];
   }

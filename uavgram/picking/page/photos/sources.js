@@ -55,3 +55,12 @@ export function goneWith(pick) {
   if (!count) return "";
   return `${count === 1 ? "The match that was" : `The ${count} matches that were`} found from ${pick.label} went with it: Undo brings all back.`;
 }
+
+// Notice about what goes with a point that is removed everywhere; empty if nothing rests on it.
+/** @param {string} label */
+export function goneWithPoint(label) {
+  const lengths = store.lines.filter(({ start, end }) => start === label || end === label).map(({ name }) => name);
+  const values = store.measurements.filter(({ points }) => points.includes(label)).map(({ name }) => name);
+  const names = [...lengths, ...values];
+  return names.length ? `${names.join(", ")} went with ${label}: Undo (Ctrl+Z) brings all back.` : "";
+}
