@@ -36,11 +36,16 @@ SEED = 39
 
 def make_world(photos: int, *, log: bool) -> World:
     """Return a road of 18 m for each photo."""
-    numbers = {"taped": 1.0 * photos, "marks": 2.3 * photos, "lengths": 0.4 * photos}
-    counts = {name: (round(number) + 2,) * 2 for name, number in numbers.items()}
-    size_m = (18.0 * photos, 9.0)
-    kind = "gps" if log else None
-    return replace(CONDITIONS["road_400m"], photos=photos, size_m=size_m, log=kind, **counts)
+    taped, marks, lengths = (round(share * photos) + 2 for share in (1.0, 2.3, 0.4))
+    return replace(
+        CONDITIONS["road_400m"],
+        photos=photos,
+        size_m=(18.0 * photos, 9.0),
+        log="gps" if log else None,
+        taped=(taped, taped),
+        marks=(marks, marks),
+        lengths=(lengths, lengths),
+    )
 
 
 def measure(world: World, fault: str, profiled: int) -> tuple[float, str]:

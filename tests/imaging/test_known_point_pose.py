@@ -58,9 +58,14 @@ def test_a_frame_with_fewer_than_four_known_points_has_none(
 
 def test_clicks_of_one_point_count_once(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(1, frames=1, control=3, **ALONE).survey
-    names = ("pick_frame", "pick_label", "pixel_px", "pick_sigma_px")
-    twice = {name: np.concatenate([getattr(survey, name)] * 2) for name in names}
-    assert find_known_point_poses(replace(survey, **twice)) == ()
+    twice = replace(
+        survey,
+        pick_frame=np.tile(survey.pick_frame, 2),
+        pick_label=np.tile(survey.pick_label, 2),
+        pixel_px=np.tile(survey.pixel_px, (2, 1)),
+        pick_sigma_px=np.tile(survey.pick_sigma_px, 2),
+    )
+    assert find_known_point_poses(twice) == ()
 
 
 def test_points_on_one_line_have_no_pose() -> None:

@@ -11,8 +11,9 @@ from scenes import make_scene
 from scipy.spatial.transform import Rotation
 from whole_surveys import with_all
 
-from uavgram.estimation.reliability.data_snooping import MIN_SUSPECT_REDUNDANCY, find_suspicions
+from uavgram.estimation.reliability.data_snooping import find_suspicions
 from uavgram.estimation.reliability.redundancy import (
+    MIN_SUSPECT_REDUNDANCY,
     compute_critical_value,
     compute_test_statistics,
 )

@@ -99,6 +99,9 @@ SEVERAL_PHOTOS, MOST_LENGTHS_ALONE = 3, 3
 """Number of photos that show the shape of the ground without lengths; and largest number of lengths
 that give its size in turn."""
 
+COORDINATES = 3
+"""Number of coordinates of a control point."""
+
 MOST_GROSS_OF_A_PHOTO = 4
 """Number of gross errors that a photo counts as where it is left out: three picks determine its
 pose, and a fourth one checks it."""
@@ -197,11 +200,8 @@ class Robust:
 
     def messages(self, survey: Survey) -> Iterator[Message]:
         """Report what was left out of control and heights, and picks that contradict."""
-        label = survey.label
-        contested = [
-            self.refined.is_contested("control", label[k])
-            for k in survey.control_label[self.control]
-        ]
+        names = (survey.label[k] for k in survey.control_label[self.control])
+        contested = [self.refined.is_contested("control", name) for name in names]
         control = self.control[~np.array(contested, dtype=np.bool_)]
         yield from report_control_left_out(survey, self.refined, control)
         yield from report_heights_left_out(survey, self.refined, self.heights)
@@ -301,8 +301,9 @@ def _bound_cost_in_order(taking: Participants) -> float:
     survey = taking.survey
     if survey.matches.points + survey.ties.points:
         return np.inf  # their sightings begin far off, and are tested elsewhere
-    kinds = survey.pick_frame, survey.line_start, survey.known, survey.control_label
-    return ORDINARY_SIGMAS**2 * sum(map(len, (*kinds, survey.label, survey.frame_id)))
+    readings = len(survey.pick_frame) + len(survey.line_start) + len(survey.known)
+    others = len(survey.control_label) + len(survey.label) + len(survey.frame_id)
+    return ORDINARY_SIGMAS**2 * (readings + others)
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
@@ -391,7 +392,7 @@ class Candidate:
         lines = int((~whole.line_removed).sum()) - len(problem.line_index)
         control = len(survey.control_label) - len(problem.survey.control_label)
         known = len(survey.known) - len(whole.known_removed) - len(problem.known)
-        return lines + known + survey.control_world_m.shape[1] * control
+        return lines + known + COORDINATES * control
 
     def fits(self) -> bool:
         """Test whether the observations without the gross errors agree (chi-square test)."""
@@ -1255,9 +1256,11 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
         rivals=tuple(rivals),
     )
     # Of two clicks of one point in a photo either may be wrong.
-    ours = {one.name for one in left if one.kind == "pixels"}
-    theirs = {one.name for rival in rivals for one in rival.readings if one.kind == "pixels"}
-    contradicting = tuple(sorted({*robust.contradicting, *(ours & theirs)}))
+    in_doubt = [one for rival in rivals for one in rival.readings]
+    ours, others_of = (
+        {one.name for one in some if one.kind == "pixels"} for some in (left, in_doubt)
+    )
+    contradicting = tuple(sorted({*robust.contradicting, *(ours & others_of)}))
     return replace(robust, refined=refined, contradicting=contradicting)
 
 

@@ -15,11 +15,10 @@ from uavgram.estimation.reliability.hypotheses import HypothesisTest, Observatio
 from uavgram.model.message import Message
 from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes import identification as room
-from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import SURE_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.identification import (
     MAX_TRIED,
     MAX_TRIED_OF_A_KIND,
-    SURE_LOG_ODDS,
     identify_causes,
 )
 from uavgram.stages.refine.causes.trials import JudgedHypothesis
