@@ -87,6 +87,12 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
         "Verdict: amber, check this first: 9 of 10 measurements are doubtful and 1 not computed. "
         "A and B seem swapped. To correct it: swap A and B, or free A."
     )
+    # What is only not checked is no fault.
+    missing = replace(reason, cause="nothing-checks", plain="Not checked: L1.")
+    told = verdict_sentence(
+        replace(survey.build(), verdict=Verdict(level="amber", reasons=(missing,)))
+    )
+    assert told.endswith("Not checked: L1. To check it: swap A and B.")
 
 
 def test_of_several_possible_causes_the_verdict_advises_to_remove_none() -> None:

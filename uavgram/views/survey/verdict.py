@@ -96,7 +96,8 @@ def reason_sentence(reason: Reason) -> str:
     if not reason.plain or reason.mend is None:
         return reason.text
     todo = ", or ".join(f"{words[0].lower()}{words[1:]}" for words in remedies)
-    return f"{reason.plain} To correct it: {todo}."
+    aim = "check" if reason.cause == "nothing-checks" else "correct"
+    return f"{reason.plain} To {aim} it: {todo}."
 
 
 def summarise_result(result: Result) -> str:
