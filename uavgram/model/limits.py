@@ -20,6 +20,9 @@ computations.
 LEAP_YEAR = 2024
 """Year of a date that is written without one: it has a 29 February."""
 
+YEAR_DIGITS = 4
+"""Digits of a year that is written in full."""
+
 SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """Limits of a standard deviation in metres, pixels, degrees or seconds.
 
@@ -138,7 +141,7 @@ def find_date_fault(text: str) -> str:
     if written is None:
         return ""
     first, second, third = int(written[1]), int(written[3]), int(written[4] or LEAP_YEAR)
-    is_year_first = len(written[1]) == len("2026")
+    is_year_first = len(written[1]) == YEAR_DIGITS
     orders = (third, second, first), (third, first, second), (first, second, third)
     for year, month, day in orders[2:] if is_year_first else orders[:2]:
         try:

@@ -17,12 +17,12 @@ from uavgram.stages.judge.tested_survey import is_mount_open
 from uavgram.stages.remedies import read_first
 
 AGAIN = {
-    "pixels": "click on {} again or in another photo",
+    "pixels": "click on {} again or in another photo (and look at a stated height)",
     "lengths": "tape {} again",
     "known": "measure {} again",
     "control": "look at the coordinates of {}",
 }
-"""How to check readings of each kind."""
+"""Advice to check readings, by their kind."""
 
 
 def list_contested(refined: Refined) -> tuple[Reading, ...]:
@@ -34,7 +34,7 @@ def list_contested(refined: Refined) -> tuple[Reading, ...]:
 
 
 def judge_rivals(refined: Refined) -> Iterator[Message]:
-    """Report readings one of which is wrong, without evidence for which of them."""
+    """Report left-out readings together with the others that may be wrong in their place."""
     settled = refined.settled
     left = tuple(one for one in list_contested(refined) if one.name not in settled)
     # Two clicks of one point in a photo have their own message.
@@ -52,10 +52,10 @@ def judge_rivals(refined: Refined) -> Iterator[Message]:
         action = f"State the camera's direction in `mount`. {action}"
     clicks = [one for one in every if one.kind == "pixels"]
     others = refined.possible
-    finding = f"One of these is wrong: {join_names(suspects, link='or')}"
+    either = join_names(suspects, None, link="or")
+    finding = f"One of these is wrong: {either}"
     if others:
         mistakes = (one.split_text(": ")[0].removesuffix(".") for one in others)
-        either = join_names(suspects, link="or")
         finding = f"Either {either} is wrong, or {', or '.join(map(_lower_first, mistakes))}"
         action = f"{action}, or look whether the other mistake was made"
     were = "was" if len(left) == 1 else "were"
@@ -93,7 +93,7 @@ def _name_suspects(sets: Sequence[tuple[Reading, ...]]) -> list[str]:
         else:
             found.append(" together with ".join(one.words for one in some))
     for frame, names in clicks.items():
-        found.append(f"the click on {join_names(names, link='or')} in {frame!r}")
+        found.append(f"the click on {join_names(names, None, link='or')} in {frame!r}")
     return found
 
 
@@ -102,7 +102,7 @@ def _advise(readings: Sequence[Reading]) -> str:
     names: dict[str, list[str]] = {}
     for one in readings:
         names.setdefault(one.kind, []).append(repr(one.name))
-    parts = [AGAIN[kind].format(join_names(some)) for kind, some in names.items()]
+    parts = [AGAIN[kind].format(join_names(some, None)) for kind, some in names.items()]
     advice = ", and ".join(parts)
     return advice[:1].upper() + advice[1:]
 

@@ -34,7 +34,7 @@ from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.selection import replace_matches_by_picks
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import pose_above_plane
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.frame_planes import describe_missing_input, find_frame_planes
 
@@ -71,8 +71,9 @@ def find_first_values(survey: Survey) -> list[FirstValues]:
     shown = replace_matches_by_picks(survey)
     begun = find_frame_planes(shown, _compute_rays(shown))
     counts, planes = begun.counts, begun.planes
-    first = max(planes, key=lambda f: (counts[f], -f), default=-1)
-    own: list[ChosenPoses] = [{first: pose_above_plane(p)} for p in planes.get(first, ())]
+    own: list[ChosenPoses] = [
+        {frame: pose_above_plane(plane)} for frame, plane in _list_planes(planes, counts)
+    ]
     if survey.gauge == "world":
         choices = _list_choices(survey)
         on_control = _extend_choices(survey, planes, choices) if choices[0] else []
@@ -84,8 +85,7 @@ def find_first_values(survey: Survey) -> list[FirstValues]:
         each = [
             {**planes, **together, frame: plane[None]}
             for found in (together, planes)
-            for frame in sorted(found, key=lambda f: (-counts[f], f))[:1]
-            for plane in found[frame]
+            for frame, plane in _list_planes(found, counts)
         ]
         on_planes = [one for some in each for one in _extend_choices(survey, some, choices[:1])]
         if _is_any_placed(on_planes):
@@ -103,6 +103,12 @@ def find_first_values(survey: Survey) -> list[FirstValues]:
     if not planes and not chosen:
         raise GeometryError(describe_missing_input(shown, begun))
     return _extend_choices(survey, planes, chosen + own)
+
+
+def _list_planes(planes: Mapping[int, Floats], counts: Ints) -> list[tuple[int, Floats]]:
+    """List the planes (3,) of the frame with most equations (F,), each with that frame."""
+    frame = max(planes, key=lambda f: (counts[f], -f), default=-1)
+    return [(frame, plane) for plane in planes.get(frame, ())]
 
 
 def find_other_first_values(

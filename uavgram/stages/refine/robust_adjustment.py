@@ -219,7 +219,7 @@ def decide(
 
 
 def _weigh(out: Mapping[str, Bools]) -> dict[str, Floats]:
-    """Return the weights of observations of which some take no part, by group."""
+    """Return weights by group: 1, and nearly none for observations that take no part."""
     return {name: np.where(is_out, ZERO_WEIGHT, 1.0) for name, is_out in out.items()}
 
 
