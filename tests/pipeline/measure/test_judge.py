@@ -94,13 +94,25 @@ def test_two_wrong_lengths_of_six_are_left_out_and_all_else_is_used(small: Input
 
 
 def test_one_photo_leaves_what_it_alone_shows_unchecked(tmp_path: Path) -> None:
-    result = result_of(surveyed(replace(SMALL, single=True), tmp_path, seed=1))
+    inputs = surveyed(replace(SMALL, single=True), tmp_path, seed=1)
+    result = result_of(inputs)
     status = np.array(result.measurements.status)
 
     assert result.verdict.level == "amber"
-    assert [reason.cause for reason in result.verdict.reasons] == ["nothing-checks"]
+    clicks, length = result.verdict.reasons
+    assert clicks.cause == length.cause == "nothing-checks"
+    assert "a wrong click on P3" in clicks.text
+    assert "an error in the length 'L1' ('P1' to 'P2') would not" in length.text
     assert np.mean(status == "not-checked") > 0.8
     assert set(status) <= {"not-checked", "ok"}
+
+    # An error of that length moves a measurement far, and is not noticed, as predicted.
+    wrong = np.where(np.array(inputs.lines.name) == "L1", -0.3, 0.0)
+    lines = replace(inputs.lines, length_m=inputs.lines.length_m + wrong)
+    moved = result_of(replace(inputs, lines=lines))
+    assert [reason.cause for reason in moved.verdict.reasons] == ["nothing-checks"] * 2
+    off = moved.measurements.value - result.measurements.value
+    assert np.abs(off / result.measurements.sigma).max() > 5.0
 
 
 def test_a_flight_with_one_length_is_checked_as_far_as_the_log_is_exact(data_dir: Path) -> None:
