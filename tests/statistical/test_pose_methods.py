@@ -17,9 +17,9 @@ from scenes import Scene, make_scene
 from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.known_points import find_known_point_poses
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.geometry.ground import measurements
-from uavgram.imaging.known_point_pose import find_known_point_poses
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine

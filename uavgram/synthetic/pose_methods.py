@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.first_poses.known_lines import compute_direct_poses, find_poses_from_lines
+from uavgram.estimation.first_poses.known_points import MIN_POINTS, find_poses_from_points
 from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
 from uavgram.estimation.first_poses.photo_problem import (
     PhotoProblem,
@@ -20,7 +21,6 @@ from uavgram.estimation.first_poses.resection import LineRows
 from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
 from uavgram.geometry.camera.projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import pose_above_plane
-from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.single_photos import LOG_SIGMA, MethodScenes, Setting, draw_scenes

@@ -160,6 +160,18 @@ EXCLUDED = (
         several="The control points {labels} do not fit and were left out.",
     ),
     Entry(
+        "control-exchanged",
+        WARNING,
+        finding=(
+            "Two control points seem to have each other's coordinates: everything else fits once "
+            "they are exchanged, and the results use them so."
+        ),
+        action="Look at the list of control points, and exchange the coordinates there.",
+        effect=Effect.AMBER,
+        order=Order.LEFT_OUT,
+        one="The coordinates of {labels} seem to be exchanged.",
+    ),
+    Entry(
         "height-left-out",
         WARNING,
         finding=(

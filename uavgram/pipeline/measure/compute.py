@@ -17,7 +17,6 @@ import numpy as np
 
 from uavgram.config.project import make_paths_relative
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.known_lines import estimate_line_poses
 from uavgram.estimation.measuring.error_budget import (
     compute_error_budget,
     compute_shares,
@@ -27,7 +26,6 @@ from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
 from uavgram.geometry.geodesy import normalise_crs, utm_crs
-from uavgram.imaging.known_point_pose import find_known_point_poses
 from uavgram.io.files import find_relative_name
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
@@ -295,12 +293,6 @@ def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> 
 def adjust_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
     """Adjust the survey; a wrongly mounted camera is the first suspect."""
     mount = find_turned_mount(survey)
-    if survey.telemetry is None and survey.gauge == "world":
-        # Nothing but known points and lines places the frames: their first poses are from these.
-        by_points = find_known_point_poses(survey)
-        placed = {one.frame_id for one in by_points}
-        by_lines = (one for one in estimate_line_poses(survey) if one.frame_id not in placed)
-        survey = replace(survey, candidate_poses=(*by_points, *by_lines))
     try:
         refined, messages = refine(survey, options)
     except GeometryError as why:

@@ -22,6 +22,7 @@ from uavgram.estimation.first_poses.first_values import (
     intersect_seed_rays,
 )
 from uavgram.estimation.first_poses.known_frames import PlaneNetwork, align_in_plane
+from uavgram.estimation.first_poses.known_points import find_candidate_poses
 from uavgram.estimation.first_poses.length_poses import (
     compare_with_seed,
     find_allowed,
@@ -229,9 +230,7 @@ MAX_CHOICES = 8
 def _list_choices(survey: Survey) -> list[ChosenPoses]:
     """List every frame's best pose; then with one frame's next best, nearest rival first."""
     frame_at = {name: k for k, name in enumerate(survey.frame_id)}
-    candidates = [
-        (frame_at[c.frame_id], c) for c in survey.candidate_poses if c.frame_id in frame_at
-    ]
+    candidates = [(frame_at[c.frame_id], c) for c in find_candidate_poses(survey)]
     best = {f: (c.center_world_m[0], c.world_from_camera[0]) for f, c in candidates}
     rivals = [
         (c.misfit[k] - c.misfit[0], f, (c.center_world_m[k], c.world_from_camera[k]))

@@ -52,10 +52,11 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import join_photo_names
+from uavgram.model.naming import join_names, join_photo_names
 from uavgram.model.survey import Ground, Survey
 from uavgram.stages.refine.first_values import find_agreeing_control, find_first_values
 from uavgram.stages.refine.left_out import (
+    report_control_exchanged,
     report_control_left_out,
     report_heights_left_out,
 )
@@ -101,6 +102,13 @@ that give its size in turn."""
 
 COORDINATES = 3
 """Number of coordinates of a control point."""
+
+EXCHANGE_COST = GROSS_SIGMAS**2 / COORDINATES
+"""Cost of two control points with each other's coordinates. A gross control point has three unknown
+coordinates, an exchange has no unknown amount."""
+
+LEAST_AGREEING_CONTROL = 3
+"""Number of control points that determine the place and direction of a scene, and check it."""
 
 MOST_GROSS_OF_A_PHOTO = 4
 """Number of gross errors that a photo counts as where it is left out: three picks determine its
@@ -179,6 +187,8 @@ class Robust:
     contradicting
         Names of labels whose picks contradict each other. These picks have sigmas as large as their
         misfit, since no observation shows which of them is wrong.
+    exchanged
+        Names of two control points that have each other's coordinates in `survey`; empty for none.
     """
 
     survey: Survey
@@ -187,12 +197,14 @@ class Robust:
     labels: tuple[str, ...] = ()
     heights: tuple[str, ...] = ()
     contradicting: tuple[str, ...] = ()
+    exchanged: tuple[str, ...] = ()
 
     def count_others(self) -> int:
         """Count the gross errors that are no picks, lengths or poses of the log."""
         heights = len(self.labels) + len(self.heights)
         known = len(self.refined.known_removed)
-        return heights + known + len(self.control) + len(self.contradicting)
+        mistakes = int(bool(self.exchanged))
+        return heights + known + len(self.control) + len(self.contradicting) + mistakes
 
     def count_numbers(self) -> int:
         """Count the numbers of these: two of a control point, or of a label that contradicts."""
@@ -204,6 +216,8 @@ class Robust:
         contested = [self.refined.is_contested("control", name) for name in names]
         control = self.control[~np.array(contested, dtype=np.bool_)]
         yield from report_control_left_out(survey, self.refined, control)
+        if self.exchanged and not self.refined.is_contested("control", _name_pair(self.exchanged)):
+            yield report_control_exchanged(self.exchanged)
         yield from report_heights_left_out(survey, self.refined, self.heights)
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
@@ -330,17 +344,20 @@ class Candidate:
         adjustment.
     annealed
         The robust adjustment.
+    exchanged
+        Names of two control points that have each other's coordinates in it; empty for none.
     """
 
     taking: Participants
     first: Refined
     annealed: Annealed
+    exchanged: tuple[str, ...] = ()
 
     @property
     def left_out(self) -> tuple[object, ...]:
         """Key of the left-out observations: equal for candidates that leave out the same."""
         gross = ((name, *self.annealed.gross(name).tolist()) for name in self.annealed.misfit)
-        return (self.first.pick_index.tobytes(), *gross)
+        return (self.first.pick_index.tobytes(), *gross, self.exchanged)
 
     @property
     def unplaced(self) -> Ints:
@@ -384,7 +401,8 @@ class Candidate:
         gross = np.where(placed > 0, lost, np.minimum(lost, MOST_GROSS_OF_A_PHOTO))
         usual = 2.0 * (lost - gross)  # expected sum of squares of two numbers each
         picks = float(np.sum(GROSS_SIGMAS**2 * gross + usual))
-        return self.annealed.cost + picks + self._count_lost_numbers(whole)
+        mistake = EXCHANGE_COST if self.exchanged else 0.0
+        return self.annealed.cost + picks + self._count_lost_numbers(whole) + mistake
 
     def _count_lost_numbers(self, whole: Participants) -> int:
         """Count the numbers of lengths, known things and control that have no part in it."""
@@ -444,6 +462,19 @@ class Candidate:
         """Return whether no length is unseen without left-out photos: it may be the wrong one."""
         used = self.first.line_index[self.annealed.problem.line_index]
         return set(used.tolist()) >= _find_seen_lines(whole)
+
+    def leaves_out_nothing(self) -> bool:
+        """Return whether all observations take part, and fit."""
+        return not self._count_gross_errors() and self.fits()
+
+    def list_unused_control(self, whole: Participants) -> Ints:
+        """List the rows of control points that have no part in it, or are gross errors."""
+        problem = self.annealed.problem
+        used = np.delete(problem.survey.control_label, self.annealed.gross("control"))
+        names = {problem.survey.label[k] for k in used.tolist()}
+        survey = whole.survey
+        is_unused = [survey.label[k] not in names for k in survey.control_label.tolist()]
+        return np.flatnonzero(is_unused)
 
     def leaves_no_other(self) -> bool:
         """Return whether no other explanation is left: all take part, or nearly all agree."""
@@ -541,6 +572,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     agreement.
     """
     found = _sort_by_cost(taking, _adjust_from_softened(taking))
+    found = _sort_by_cost(taking, chain(found, _try_exchanged_control(taking, found)))
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
@@ -552,7 +584,8 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     searches = [_try_without_references, _try_without_photos]
     if not found or found[0].doubts_a_photo():
         searches.reverse()
-    for search in (_try_without_suspects, *searches, _try_without_two_lengths):
+    last = (_try_exchanged_control, _try_without_two_lengths)
+    for search in (_try_without_suspects, *searches, *last):
         best = found[:1]
         for candidate in search(taking, found):
             found = _sort_by_cost(taking, [*found, candidate])
@@ -767,6 +800,41 @@ def _sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list
             one.cost(taking),
         ),
     )
+
+
+def _try_exchanged_control(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Adjust robustly with the coordinates of two control points exchanged.
+
+    Of few points, two that are exchanged agree with each other in another direction of the scene,
+    and a right one contradicts them.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    found
+        Best candidate so far; none where there is no result.
+    """
+    survey = taking.survey
+    if found and found[0].leaves_out_nothing():
+        return
+    wrong = found[0].list_unused_control(taking) if found else np.arange(len(survey.control_label))
+    right = len(survey.control_label) - len(wrong)
+    is_among_wrong = right >= LEAST_AGREEING_CONTROL and len(wrong) > 1
+    rows = wrong if is_among_wrong else np.arange(len(survey.control_label))
+    pairs = [list(pair) for pair in combinations(rows.tolist(), 2)]
+    if len(pairs) > MOST_STARTS or len(survey.control_label) < LEAST_AGREEING_CONTROL:
+        return
+    goal = found[0].cost(taking) + MAX_RIVAL_INCREASE - EXCHANGE_COST if found else np.inf
+    for pair in pairs:
+        world_m, sigma_m = survey.control_world_m.copy(), survey.control_sigma_m.copy()
+        world_m[pair], sigma_m[pair] = world_m[pair[::-1]], sigma_m[pair[::-1]]
+        other = replace(survey, control_world_m=world_m, control_sigma_m=sigma_m)
+        exchanged = replace(taking, survey=other)
+        whole = _add_small_roughness(exchanged)
+        names = tuple(survey.label[k] for k in survey.control_label[pair])
+        for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal)):
+            yield replace(one, exchanged=names)
 
 
 def _leave_out_contradicting_control(whole: Participants) -> Iterator[Participants]:
@@ -1283,7 +1351,16 @@ def _list_left_out(survey: Survey, robust: Robust) -> set[Reading]:
     for k in survey.control_label[robust.control].tolist():
         words = f"the coordinates of the control point {label[k]!r}"
         found.add(Reading("control", label[k], words, (label[k],)))
+    if robust.exchanged:
+        name = _name_pair(robust.exchanged)
+        words = f"the coordinates of the control points {join_names(map(repr, robust.exchanged))}"
+        found.add(Reading("control", name, f"{words} (exchanged)", robust.exchanged))
     return found
+
+
+def _name_pair(names: Sequence[str]) -> str:
+    """Return the name of two control points with exchanged coordinates, as of one reading."""
+    return " and ".join(names)
 
 
 def _try_other_clicks(taking: Participants, candidate: Candidate) -> Iterator[Candidate]:
@@ -1369,7 +1446,10 @@ def _adjust_without_candidate(candidate: Candidate) -> Robust | None:
     if refined is None:
         return None
     contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
-    return Robust(rest, refined, np.flatnonzero(is_wrong), names, heights, contradicting)
+    control = np.flatnonzero(is_wrong)
+    return Robust(
+        rest, refined, control, names, heights, contradicting, exchanged=candidate.exchanged
+    )
 
 
 def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str, float]:

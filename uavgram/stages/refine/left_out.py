@@ -15,7 +15,7 @@ from uavgram.estimation.survey.observations.lengths import TapedLengths, select_
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import format_digits
+from uavgram.model.naming import format_digits, join_names
 from uavgram.model.survey import Survey
 from uavgram.stages.remedies import make_height_remedy
 
@@ -136,6 +136,20 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
             ending="Look at their coordinates, their labels and their picks.",
         )
         yield Message("warning", "control-left-out", text, labels=(label,), several=several)
+
+
+def report_control_exchanged(names: Sequence[str]) -> Message:
+    """Report two control points whose coordinates are exchanged, by name."""
+    points = join_names(map(repr, names))
+    return Message(
+        "warning",
+        "control-exchanged",
+        f"The coordinates of the control points {points} seem to be exchanged: everything else "
+        "fits if each has those of the other. Look at the list, and exchange them there. The "
+        "results take it into account.",
+        labels=tuple(names),
+        plain=f"The coordinates of {points} seem to be exchanged.",
+    )
 
 
 def report_heights_left_out(

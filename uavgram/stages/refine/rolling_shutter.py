@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.first_poses.known_points import find_candidate_poses
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import (
@@ -141,7 +142,7 @@ def _first_poses(survey: Survey) -> tuple[Floats, Floats]:
     frame = {name: k for k, name in enumerate(survey.frame_id)}
     center = np.full((len(frame), 3), np.nan)
     rotation = np.full((len(frame), 3, 3), np.nan)
-    for one in survey.candidate_poses:
+    for one in find_candidate_poses(survey):
         k = frame[one.frame_id]
         center[k], rotation[k] = one.center_world_m[0], one.world_from_camera[0]
     return center, rotation

@@ -12,6 +12,7 @@ from uavgram.estimation.first_poses.first_values import (
     find_seen_labels,
     has_known_height,
 )
+from uavgram.estimation.first_poses.known_points import find_candidate_poses
 from uavgram.estimation.first_poses.tied.bundle import (
     TiedPoses,
     compute_tied_rays,
@@ -39,7 +40,7 @@ def add_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
     if survey.telemetry is not None or not survey.ties.points + survey.matches.points:
         return survey, frozenset()
     begun, wrong = _add_first_poses(survey)
-    known = {one.frame_id for one in begun.candidate_poses}
+    known = {one.frame_id for one in find_candidate_poses(begun)}
     labels = np.bincount(find_seen_labels(begun)[0], minlength=len(begun.frame_id))
     few = zip(begun.frame_id, labels < MIN_LABELS, strict=True)
     return remove_ties(begun, {name for name, lost in few if lost} - known), wrong
@@ -53,7 +54,7 @@ def _add_first_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
     placed = None if level is None else _scale_to_survey(survey, level)
     if placed is None:
         return survey, frozenset()
-    known = {one.frame_id for one in survey.candidate_poses}
+    known = {one.frame_id for one in find_candidate_poses(survey)}
     more = [
         CandidatePoses(
             frame_id=survey.frame_id[f],

@@ -10,9 +10,11 @@ import pytest
 from scenes import Scene
 
 from uavgram.errors import GeometryError
-from uavgram.imaging.known_point_pose import find_known_point_poses, find_poses_from_points
+from uavgram.estimation.first_poses.known_points import (
+    find_known_point_poses,
+    find_poses_from_points,
+)
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 ALONE = {"lines": 0, "telemetry": False}
@@ -21,8 +23,9 @@ OFF_THE_PLANE = {0: 3.0, 1: 1.0, 2: -2.0}
 FAR_AWAY = {"frames": 1, "labels": 8, "control": 5, "spread": 1.5, **ALONE}
 
 
-def started(survey: Survey) -> Survey:
-    return replace(survey, candidate_poses=find_known_point_poses(survey))
+@pytest.fixture
+def without_poses_by_control(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("uavgram.stages.refine.first_values.find_candidate_poses", lambda _: ())
 
 
 def test_exact_picks_of_a_plane_give_the_true_pose_and_its_rival(
@@ -80,7 +83,7 @@ def test_known_points_alone_carry_a_survey_without_a_log(
     scene_factory: Callable[..., Scene], heights: dict[int, float] | None
 ) -> None:
     scene = scene_factory(4, frames=3, labels=9, control=5, heights=heights, **ALONE)
-    refined, messages = refine(started(scene.survey), SolveOptions())
+    refined, messages = refine(scene.survey, SolveOptions())
     adjustment = refined.adjustment
 
     assert adjustment.minimum.converged
@@ -93,10 +96,11 @@ def test_known_points_alone_carry_a_survey_without_a_log(
 
 
 def test_the_adjustment_from_a_candidate_is_the_one_from_any_other_start(
-    scene_factory: Callable[..., Scene],
+    scene_factory: Callable[..., Scene], request: pytest.FixtureRequest
 ) -> None:
     scene = scene_factory(4, frames=2, labels=9, control=5, **ALONE)
-    ours = refine(started(scene.survey), SolveOptions())[0].adjustment
+    ours = refine(scene.survey, SolveOptions())[0].adjustment
+    request.getfixturevalue("without_poses_by_control")
     plain = refine(scene.survey, SolveOptions())[0].adjustment  # starts from a homography
 
     np.testing.assert_allclose(ours.state.center, plain.state.center, atol=1e-4)
@@ -107,7 +111,7 @@ def test_the_adjustment_from_a_candidate_is_the_one_from_any_other_start(
 
 def test_a_rival_pose_that_fits_as_well_is_reported(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(3, **FAR_AWAY)
-    refined, messages = refine(started(scene.survey), SolveOptions())
+    refined, messages = refine(scene.survey, SolveOptions())
 
     assert len(refined.alternatives) == 1
     (said,) = [message for message in messages if message.code == "ambiguous-pose"]
@@ -117,6 +121,7 @@ def test_a_rival_pose_that_fits_as_well_is_reported(scene_factory: Callable[...,
     assert np.linalg.norm(tilts[0] - tilts[1]) > 0.1
 
 
+@pytest.mark.usefixtures("without_poses_by_control")
 def test_without_candidates_the_rival_goes_unseen(scene_factory: Callable[..., Scene]) -> None:
     assert refine(scene_factory(3, **FAR_AWAY).survey, SolveOptions())[0].alternatives == ()
 

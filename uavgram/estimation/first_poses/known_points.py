@@ -11,6 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from uavgram.estimation.first_poses.known_lines import estimate_line_poses
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import CandidatePoses
@@ -21,6 +22,22 @@ PLANE_RATIO = 0.1
 """Ratio of the points' smallest to second extent up to which they count as one plane."""
 LINE_RATIO = 1e-3
 """Ratio of the points' second to largest extent below which they are on one line."""
+
+
+def find_candidate_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
+    """Find first poses of frames from their control, or lines of known position, or ties.
+
+    A log gives first poses of its own, and so do lengths where the survey has no place in the
+    world.
+    """
+    by_control: tuple[CandidatePoses, ...] = ()
+    if survey.telemetry is None and survey.gauge == "world":
+        by_points = find_known_point_poses(survey)
+        placed = {one.frame_id for one in by_points}
+        by_lines = (one for one in estimate_line_poses(survey) if one.frame_id not in placed)
+        by_control = (*by_points, *by_lines)
+    placed = {one.frame_id for one in by_control}
+    return (*by_control, *(one for one in survey.candidate_poses if one.frame_id not in placed))
 
 
 def find_known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
