@@ -199,7 +199,7 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
         In the axes of the plane.
     plane_from_camera : (3, 3)
     None
-        If the points do not determine it.
+        If the points do not determine it, or a ray or a point is not finite.
 
     Notes
     -----
@@ -211,6 +211,8 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
     if size == 0:
         return None
     rows = make_homography_rows((point_m - mean) / size, ray[:, :2])
+    if not np.isfinite(rows).all():  # a ray beyond the lens
+        return None
     _, singular, vectors = np.linalg.svd(rows)
     if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
         return None

@@ -1237,9 +1237,13 @@ def _try_single_error(
     back = {(name, row) for name, rows in restored.items() for row in rows.tolist()}
     out = {(name, row) for name, rows in gross.items() for row in rows.tolist()} - back
     new = [one for one in proposed if one[1:] not in out and {one[1:]} != back]
-    for fall, name, row in new[:MOST_PROPOSED]:
-        if fall < max(MIN_DECREASE_SHARE * whole, GROSS_SIGMAS**2):
-            break
+    least = max(MIN_DECREASE_SHARE * whole, GROSS_SIGMAS**2)
+    likely = [one for one in new if one[0] >= least][:MOST_PROPOSED]
+    # The linear model is too coarse for large errors: of a kind with few readings, try the others.
+    if len(back) == 1:
+        few = {name for name in restored if len(falls[name]) <= MOST_STARTS}
+        likely += [one for one in new if one[1] in few and one not in likely][:MOST_PROPOSED]
+    for _, name, row in likely:
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
         for group, own in (*out, (name, row)):
             weight[group][own] = ZERO_WEIGHT
