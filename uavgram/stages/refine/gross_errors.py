@@ -104,8 +104,8 @@ COORDINATES = 3
 """Number of coordinates of a control point."""
 
 EXCHANGE_COST = GROSS_SIGMAS**2 / COORDINATES
-"""Cost of two control points with each other's coordinates. A gross control point has three unknown
-coordinates, an exchange has no unknown amount."""
+"""Cost of two lengths, or control points, with each other's readings. A gross control point has
+three unknown coordinates, an exchange has no unknown amount."""
 
 LEAST_AGREEING_CONTROL = 3
 """Number of control points that determine the place and direction of a scene, and check it."""
@@ -344,6 +344,8 @@ class Candidate:
         adjustment.
     annealed
         The robust adjustment.
+    mistakes
+        Number of mistakes of a known amount, such as an exchange, that it takes into account.
     exchanged
         Names of two control points that have each other's coordinates in it; empty for none.
     """
@@ -351,6 +353,7 @@ class Candidate:
     taking: Participants
     first: Refined
     annealed: Annealed
+    mistakes: int = 0
     exchanged: tuple[str, ...] = ()
 
     @property
@@ -401,8 +404,8 @@ class Candidate:
         gross = np.where(placed > 0, lost, np.minimum(lost, MOST_GROSS_OF_A_PHOTO))
         usual = 2.0 * (lost - gross)  # expected sum of squares of two numbers each
         picks = float(np.sum(GROSS_SIGMAS**2 * gross + usual))
-        mistake = EXCHANGE_COST if self.exchanged else 0.0
-        return self.annealed.cost + picks + self._count_lost_numbers(whole) + mistake
+        lost = self._count_lost_numbers(whole)
+        return self.annealed.cost + picks + lost + EXCHANGE_COST * self.mistakes
 
     def _count_lost_numbers(self, whole: Participants) -> int:
         """Count the numbers of lengths, known things and control that have no part in it."""
@@ -572,7 +575,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     agreement.
     """
     found = _sort_by_cost(taking, _adjust_from_softened(taking))
-    found = _sort_by_cost(taking, chain(found, _try_exchanged_control(taking, found)))
+    found = _sort_by_cost(taking, chain(found, _try_exchanged_readings(taking, found)))
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
@@ -584,7 +587,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     searches = [_try_without_references, _try_without_photos]
     if not found or found[0].doubts_a_photo():
         searches.reverse()
-    last = (_try_exchanged_control, _try_without_two_lengths)
+    last = (_try_exchanged_readings, _try_without_two_lengths)
     for search in (_try_without_suspects, *searches, *last):
         best = found[:1]
         for candidate in search(taking, found):
@@ -802,31 +805,28 @@ def _sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list
     )
 
 
-def _try_exchanged_control(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Adjust robustly with the coordinates of two control points exchanged.
+def _try_exchanged_readings(
+    taking: Participants, found: Sequence[Candidate]
+) -> Iterator[Candidate]:
+    """Adjust with the readings of two lengths, or the coordinates of two control points, exchanged.
 
-    Of few points, two that are exchanged agree with each other in another direction of the scene,
-    and a right one contradicts them.
+    Of few control points, two that are exchanged agree with each other in another direction of the
+    scene, and a right one contradicts them. Two exchanged lengths lead to another pose, in which a
+    right reading is a gross error. Lengths are left out then; coordinates remain exchanged, as
+    nothing else may place the scene.
 
     Parameters
     ----------
     taking
         Participating observations.
     found
-        Best candidate so far; none where there is no result.
+        Candidates so far, that of least cost first.
     """
-    survey = taking.survey
     if found and found[0].leaves_out_nothing():
         return
-    wrong = found[0].list_unused_control(taking) if found else np.arange(len(survey.control_label))
-    right = len(survey.control_label) - len(wrong)
-    is_among_wrong = right >= LEAST_AGREEING_CONTROL and len(wrong) > 1
-    rows = wrong if is_among_wrong else np.arange(len(survey.control_label))
-    pairs = [list(pair) for pair in combinations(rows.tolist(), 2)]
-    if len(pairs) > MOST_STARTS or len(survey.control_label) < LEAST_AGREEING_CONTROL:
-        return
     goal = found[0].cost(taking) + MAX_RIVAL_INCREASE - EXCHANGE_COST if found else np.inf
-    for pair in pairs:
+    survey = taking.survey
+    for pair in _list_control_to_exchange(taking, found):
         world_m, sigma_m = survey.control_world_m.copy(), survey.control_sigma_m.copy()
         world_m[pair], sigma_m[pair] = world_m[pair[::-1]], sigma_m[pair[::-1]]
         other = replace(survey, control_world_m=world_m, control_sigma_m=sigma_m)
@@ -834,7 +834,49 @@ def _try_exchanged_control(taking: Participants, found: Sequence[Candidate]) -> 
         whole = _add_small_roughness(exchanged)
         names = tuple(survey.label[k] for k in survey.control_label[pair])
         for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal)):
-            yield replace(one, exchanged=names)
+            yield replace(one, mistakes=1, exchanged=names)
+    for pair in _list_lengths_to_exchange(taking):
+        length_m = survey.length_m.copy()
+        length_m[pair] = length_m[pair[::-1]]
+        reduced = replace(taking, survey=replace(survey, length_m=length_m))
+        rest = taking.leave_out_lines(pair)
+        found_with = _adjust_from_reduced(
+            _add_small_roughness(reduced), _add_small_roughness(rest), rest, Patience(goal=goal)
+        )
+        for one in found_with:
+            yield replace(one, mistakes=1)
+
+
+def _list_control_to_exchange(
+    taking: Participants, found: Sequence[Candidate]
+) -> Iterator[list[int]]:
+    """List pairs of control points, by row, that may have each other's coordinates.
+
+    Where a log, or three others, place the scene, only those that the best candidate leaves out.
+    """
+    survey = taking.survey
+    rows = np.arange(len(survey.control_label))
+    wrong = found[0].list_unused_control(taking) if found else rows
+    is_placed = survey.telemetry is not None or len(rows) - len(wrong) >= LEAST_AGREEING_CONTROL
+    if is_placed and (len(wrong) > 1 or survey.telemetry is not None):
+        rows = wrong
+    pairs = [list(pair) for pair in combinations(rows.tolist(), 2)]
+    if len(pairs) <= MOST_STARTS and len(survey.control_label) >= LEAST_AGREEING_CONTROL:
+        yield from pairs
+
+
+def _list_lengths_to_exchange(taking: Participants) -> Iterator[list[int]]:
+    """List pairs of lengths, by row, that may have each other's readings, without a log."""
+    survey = taking.survey
+    lines = np.flatnonzero(~taking.line_removed).tolist()
+    pairs = [
+        list(pair)
+        for pair in combinations(lines, 2)
+        if abs(np.diff(survey.length_m[list(pair)])[0])
+        > GROSS_SIGMAS * survey.length_sigma_m[list(pair)].max()
+    ]
+    if survey.telemetry is None and len(pairs) <= MOST_STARTS:
+        yield from pairs
 
 
 def _leave_out_contradicting_control(whole: Participants) -> Iterator[Participants]:
@@ -1042,6 +1084,7 @@ def _build_stated_problem(
         pixel_px=stated.pixel_px,
         pick_sigma_px=stated.pick_sigma_px,
         target_pick=stated.target_pick,
+        length_m=stated.length_m,
         length_sigma_m=stated.length_sigma_m,
         known=stated.known,
         control_label=stated.control_label,
