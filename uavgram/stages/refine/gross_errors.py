@@ -1284,7 +1284,7 @@ def _try_single_error(
     likely = [one for one in new if one[0] >= least][:MOST_PROPOSED]
     # The linear model is too coarse for large errors: of a kind with few readings, try the others.
     if len(back) == 1:
-        few = {name for name in restored if len(falls[name]) <= MOST_STARTS}
+        few = {name for name in restored if len(falls.get(name, ())) <= MOST_STARTS}
         likely += [one for one in new if one[1] in few and one not in likely][:MOST_PROPOSED]
     for _, name, row in likely:
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
