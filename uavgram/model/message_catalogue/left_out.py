@@ -168,7 +168,7 @@ EXCLUDED = (
         ),
         action="Look at the list of control points, and exchange the coordinates there.",
         effect=Effect.AMBER,
-        order=Order.LEFT_OUT,
+        order=Order.CAUSE_OF_ONE,
         one="The coordinates of {labels} seem to be exchanged.",
     ),
     Entry(
