@@ -103,9 +103,13 @@ that give its size in turn."""
 COORDINATES = 3
 """Number of coordinates of a control point."""
 
-EXCHANGE_COST = GROSS_SIGMAS**2 / COORDINATES
-"""Cost of two lengths, or control points, with each other's readings. A gross control point has
-three unknown coordinates, an exchange has no unknown amount."""
+NUMBER_COST = 2.0 * 6.0
+"""Part of the cost of a gross error that belongs to each unknown number of it: twice the logarithm
+of the range of gross errors over the sigma."""
+
+CONTROL_EXCHANGE_COST, LENGTH_EXCHANGE_COST = NUMBER_COST, GROSS_SIGMAS**2 - NUMBER_COST
+"""Costs of two control points, or two lengths, with each other's readings. An exchange has no
+unknown amount; a gross length has one, and a gross control point three."""
 
 LEAST_AGREEING_CONTROL = 3
 """Number of control points that determine the place and direction of a scene, and check it."""
@@ -344,8 +348,8 @@ class Candidate:
         adjustment.
     annealed
         The robust adjustment.
-    mistakes
-        Number of mistakes of a known amount, such as an exchange, that it takes into account.
+    price
+        Cost of an exchange that it takes into account; zero without one.
     exchanged
         Names of two control points that have each other's coordinates in it; empty for none.
     """
@@ -353,7 +357,7 @@ class Candidate:
     taking: Participants
     first: Refined
     annealed: Annealed
-    mistakes: int = 0
+    price: float = 0.0
     exchanged: tuple[str, ...] = ()
 
     @property
@@ -405,7 +409,7 @@ class Candidate:
         usual = 2.0 * (lost - gross)  # expected sum of squares of two numbers each
         picks = float(np.sum(GROSS_SIGMAS**2 * gross + usual))
         lost = self._count_lost_numbers(whole)
-        return self.annealed.cost + picks + lost + EXCHANGE_COST * self.mistakes
+        return self.annealed.cost + picks + lost + self.price
 
     def _count_lost_numbers(self, whole: Participants) -> int:
         """Count the numbers of lengths, known things and control that have no part in it."""
@@ -435,7 +439,9 @@ class Candidate:
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead
-        if (gross or not self.fits()) and self._is_alone_without_log():
+        exchanges_lengths = self.price > 0.0 and not self.exchanged
+        is_bent = bool(gross) or not self.fits()
+        if exchanges_lengths or (is_bent and self._is_alone_without_log()):
             return False  # in another pose another reading may be wrong
         if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
             return False
@@ -824,7 +830,7 @@ def _try_exchanged_readings(
     """
     if found and found[0].leaves_out_nothing():
         return
-    goal = found[0].cost(taking) + MAX_RIVAL_INCREASE - EXCHANGE_COST if found else np.inf
+    goal = found[0].cost(taking) + MAX_RIVAL_INCREASE if found else np.inf
     survey = taking.survey
     for pair in _list_control_to_exchange(taking, found):
         world_m, sigma_m = survey.control_world_m.copy(), survey.control_sigma_m.copy()
@@ -834,7 +840,7 @@ def _try_exchanged_readings(
         whole = _add_small_roughness(exchanged)
         names = tuple(survey.label[k] for k in survey.control_label[pair])
         for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal)):
-            yield replace(one, mistakes=1, exchanged=names)
+            yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
     for pair in _list_lengths_to_exchange(taking):
         length_m = survey.length_m.copy()
         length_m[pair] = length_m[pair[::-1]]
@@ -844,7 +850,8 @@ def _try_exchanged_readings(
             _add_small_roughness(reduced), _add_small_roughness(rest), rest, Patience(goal=goal)
         )
         for one in found_with:
-            yield replace(one, mistakes=1)
+            if _adjust_without_candidate(one) is not None:  # the rest determines the pose
+                yield replace(one, price=LENGTH_EXCHANGE_COST)
 
 
 def _list_control_to_exchange(
@@ -1282,10 +1289,10 @@ def _try_single_error(
     new = [one for one in proposed if one[1:] not in out and {one[1:]} != back]
     least = max(MIN_DECREASE_SHARE * whole, GROSS_SIGMAS**2)
     likely = [one for one in new if one[0] >= least][:MOST_PROPOSED]
-    # The linear model is too coarse for large errors: of a kind with few readings, try the others.
-    if len(back) == 1:
-        few = {name for name in restored if len(falls.get(name, ())) <= MOST_STARTS}
-        likely += [one for one in new if one[1] in few and one not in likely][:MOST_PROPOSED]
+    # Few control points hold a scene without a log: an error bends it beyond the linear model.
+    if set(restored) == {"control"} and candidate.taking.survey.telemetry is None:
+        others = (one for one in new if one[1] == "control" and one not in likely)
+        likely += islice(others, MOST_PROPOSED)
     for _, name, row in likely:
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
         for group, own in (*out, (name, row)):
