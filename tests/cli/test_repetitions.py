@@ -204,8 +204,8 @@ def test_many_frames_and_many_measurements_are_one_message_each(project: Project
     (doubtful,) = [m for m in result.messages if m.code == "first-order-doubtful"]
     number = len(doubtful.measurements)
     assert number >= 13
-    assert doubtful.text.startswith(f"The uncertainties of {number} measurements are approximate: ")
-    assert doubtful.text.endswith("Run again with --monte-carlo for their exact intervals.")
+    assert doubtful.text.startswith(f"The ± of {number} measurements are approximate, as the ")
+    assert doubtful.text.endswith("run again with --monte-carlo for the exact intervals.")
 
 
 def test_a_copy_whose_name_holds_no_time_is_counted_once(project: Project, alone: Result) -> None:

@@ -112,8 +112,10 @@ def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(
         record["shift_prior_sigmas"][0] * record["prior_sigma"][0],
         record["value"][0] - record["prior_value"][0],
     )
-    assert message.text.startswith("The survey's own picks and lengths refined the camera: fx from")
-    assert "the distortion (sigmas stay" in message.text
+    assert message.text.startswith(
+        "Picks and lengths show the camera better than the program assumed: the focal length (fx)"
+    )
+    assert "the distortion better" in message.text
     assert "<td>fx</td>" in render_annex(result)
     # What the program wrote is what it reads.
     again = uavgram.load_results(file)

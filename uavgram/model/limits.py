@@ -8,7 +8,7 @@ import unicodedata
 from collections.abc import Collection
 
 from uavgram.errors import suggest_spelling
-from uavgram.model.naming import FOOT_M
+from uavgram.model.naming import FOOT_M, format_digits
 
 LARGEST_NUMBER = 1e10
 """Largest magnitude of any number.
@@ -54,7 +54,7 @@ def find_value_fault(field: str, value: float) -> str:
     if least > 0 and value <= 0:
         return "must be greater than 0"
     if not least <= value <= most:
-        return f"must lie between {least:g} and {most:g}"
+        return f"must lie between {format_digits(least, 6)} and {format_digits(most, 6)}"
     return ""
 
 
@@ -230,7 +230,7 @@ def _metres(text: str) -> str:
     if _IMPERIAL.sub("", text).strip():
         return ""
     parts = _IMPERIAL.finditer(text)
-    return f"{sum(float(one[1]) * _SCALES_M[one[2].lower()] for one in parts):.7g}"
+    return f"{format_digits(sum(float(one[1]) * _SCALES_M[one[2].lower()] for one in parts), 7)}"
 
 
 def number_text(value: float) -> str:

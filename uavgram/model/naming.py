@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, fields
+from decimal import Decimal
 from functools import cache
 from typing import Annotated, Any, Literal, cast, get_args, get_origin, get_type_hints
 
@@ -172,7 +173,7 @@ def format_photo_count(frames: Sequence[str]) -> str:
 
 
 def format_digits(value: float, digits: int = 2, sign: str = "") -> str:
-    """Format a number with a given number of significant digits, without a power of ten if large.
+    """Format a number with a given number of significant digits, never with a power of ten.
 
     ``0.012``, ``1.2``, ``960``, ``4500``; 963 and 4510 give the last two as well.
 
@@ -186,7 +187,23 @@ def format_digits(value: float, digits: int = 2, sign: str = "") -> str:
         ``+`` to write the sign of positive numbers too.
     """
     text = format(value, f"{sign}.{digits}g")
-    return format(float(text), f"{sign}.0f") if "e+" in text else text
+    return format(Decimal(text), f"{sign}f") if "e" in text else text
+
+
+def format_misfit(w: float) -> str:
+    """Format a standardised residual: ``4.3 times the expected error``."""
+    return f"{abs(w):.1f} times the expected error"
+
+
+SMALLEST_ODDS, ROUND_ODDS = 1e-6, 0.01
+"""Probability that is not written any more; and below which one digit is enough."""
+
+
+def format_odds(probability: float) -> str:
+    """Format a small probability: ``1 in 3000``, ``less than 1 in a million``."""
+    if probability < SMALLEST_ODDS:
+        return "less than 1 in a million"
+    return f"1 in {format_digits(1.0 / probability, 1 if probability < ROUND_ODDS else 2)}"
 
 
 FAMILIES = {

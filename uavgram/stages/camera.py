@@ -33,7 +33,7 @@ from uavgram.model.camera import (
 )
 from uavgram.model.message import Message
 from uavgram.model.naming import format_digits, join_names
-from uavgram.model.result.result import MAX_SIGMA_RATIO, CameraUpdate
+from uavgram.model.result.result import CameraUpdate
 
 REMEDY = (
     "calibrate the camera (`uavgram calibrate`) and name its camera.yaml, or write a camera.yaml "
@@ -121,9 +121,9 @@ def _report_assumed_camera(tags: CameraTags, source: _Source) -> Message:
         f"Camera {tags.camera_name or 'camera'!r} is assumed, not calibrated: {source.words}. "
         f"Focal length {focal_px:.0f} ± {errors.focal * focal_px:.0f} px "
         f"({100 * errors.focal:.1f} %), principal point ± {errors.centre * tags.width_px:.0f} px; "
-        f"a calibration would bring the focal length's sigma from {100 * errors.focal:.1f} % down "
-        f"to some {100 * CALIBRATED_FOCAL:.1f} %: photograph a chessboard, 15 times or more, and "
-        "run `uavgram calibrate PHOTOS --board chessboard:9x6:25mm`."
+        f"with a calibration the focal length would be known to about "
+        f"{100 * CALIBRATED_FOCAL:.1f} %: photograph a chessboard, 15 times or more, and run "
+        "`uavgram calibrate PHOTOS --board chessboard:9x6:25mm`."
     )
     return Message("warning", ASSUMED_CAMERA, text)
 
@@ -338,25 +338,30 @@ def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> t
     """
     if np.isnan(camera.ratio).all():
         return ()
-    before = "assumed camera" if is_assumed else "calibration"
+    source = "the program assumed" if is_assumed else "its calibration states"
     learnt = np.flatnonzero(camera.learnt)
     rest = [camera.names[i] for i in np.flatnonzero(~camera.learnt & ~np.isnan(camera.ratio))]
-    parts = join_names(dict.fromkeys(_PARTS[name[0]] for name in rest))
-    unknown = (
-        f"it says next to nothing about {parts} (sigmas stay within "
-        f"{100 * (1 - MAX_SIGMA_RATIO):.0f} % of the {before}'s)"
-    )
+    shown = {_PARTS[camera.names[i][0]] for i in learnt}
+    parts = join_names(part for name in rest if (part := _PARTS[name[0]]) not in shown)
     if not learnt.size:
-        text = f"The survey's own picks and lengths add no information on the camera: {unknown}."
+        text = (
+            f"Picks and lengths do not show {parts} of the camera better than {source}. The "
+            "results use these values."
+        )
         return (Message("info", "camera-not-learnt", text),)
-    refined = ", ".join(_describe_refinement(camera, int(i), before) for i in learnt)
-    text = f"The survey's own picks and lengths refined the camera: {refined}" + (
-        f"; {unknown}." if rest else "."
+    refined = ", ".join(_describe_refinement(camera, int(i)) for i in learnt)
+    text = (
+        f"Picks and lengths show the camera better than {source}: {refined}. The results use the "
+        f"better values.{f' They do not show {parts} better.' if parts else ''}"
     )
     messages = [Message("info", "camera-learnt", text)]
     far = [int(i) for i in learnt if abs(camera.shift[i]) > CONTRADICTION_SIGMAS]
     if far:
-        moved = ", ".join(f"{camera.names[i]} by {camera.shift[i]:+.1f}" for i in far)
+        moved = join_names(
+            f"{_describe_parameter(camera.names[i])} by {abs(camera.shift[i]):.1f} times its "
+            "uncertainty"
+            for i in far
+        )
         text = _describe_contradiction(moved, is_assumed=is_assumed)
         messages.append(Message("warning", "camera-contradicted", text))
     return tuple(messages)
@@ -365,21 +370,27 @@ def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> t
 def _describe_contradiction(moved: str, *, is_assumed: bool) -> str:
     if is_assumed:
         return (
-            f"The survey moves the camera farther than was assumed of it ({moved} of the assumed "
-            "sigmas): another kind of camera, a zoom or a cut-out, or gross errors in picks and "
-            "lengths. Calibrate the camera."
+            f"Picks and lengths fit only another camera than the program assumed ({moved}): "
+            "another kind of camera, a zoom or a cropped photo, or gross errors in picks and "
+            "lengths. Check these, and calibrate the camera."
         )
     return (
-        f"The survey moves the camera farther than its calibration allows ({moved} of its "
-        "sigmas): another camera, resolution, zoom or focus than was calibrated, or gross "
-        "errors in picks and lengths. Look at these, and calibrate the camera as it was used."
+        f"Picks and lengths fit only another camera than the calibrated one ({moved}): another "
+        "camera, resolution, zoom or focus, or gross errors in picks and lengths. Check these, and "
+        "calibrate the camera as it was used."
     )
 
 
-def _describe_refinement(camera: CameraUpdate, i: int, source: str) -> str:
+def _describe_parameter(name: str) -> str:
+    """Return ``the focal length (fx)`` and the like."""
+    return f"{_PARTS[name[0]]} ({name})"
+
+
+def _describe_refinement(camera: CameraUpdate, i: int) -> str:
     unit = " px" if camera.names[i] in _PIXELS else ""
     before, after = camera.prior_sigma[i], camera.sigma[i]
+    moved = camera.shift[i] * before
     return (
-        f"{camera.names[i]} from ± {format_digits(before)}{unit} to ± {format_digits(after)}{unit} "
-        f"(moved by {camera.shift[i]:+.1f} of the {source}'s sigmas)"
+        f"{_describe_parameter(camera.names[i])} to ± {format_digits(after)}{unit} instead of "
+        f"± {format_digits(before)}{unit}, changed by {format_digits(moved, sign='+')}{unit}"
     )

@@ -188,25 +188,40 @@ def check_second_order(
     return found, tuple(_message(results, terms.bias[i], terms.sigma[i], i) for i in where)
 
 
+def describe_approximation(stated: float, sigma: float, bias: float, unit: str) -> str:
+    """Describe how far a sigma and a value are off, as the adjustment is not linear.
+
+    Parameters
+    ----------
+    stated
+        Sigma of the linear model.
+    sigma, bias
+        Sigma and mean error to second order.
+    unit
+        Unit of all three.
+    """
+    side = "large" if bias > 0 else "small"
+    return (
+        f"± {format_digits(sigma)} {unit} is more realistic than ± {format_digits(stated)} {unit}, "
+        f"and the value tends to be {format_digits(abs(bias))} {unit} too {side}"
+    )
+
+
 def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> Message:
     unit = results.unit[i]
     if np.isfinite(sigma):
-        why = (
-            f"with second-order terms its sigma is {format_digits(sigma, 3)} instead of "
-            f"{format_digits(results.sigma[i], 3)} "
-            f"{unit}, and its mean is off by {format_digits(bias, 3, sign='+')} {unit}"
-        )
+        why = describe_approximation(results.sigma[i], sigma, bias, unit)
     else:
-        why = "observations that differ by little more than their sigmas have no solution"
+        why = "with readings that are slightly different there is no solution"
     text = (
-        f"The uncertainty of {results.name[i]!r} is approximate: {why}. Run again with "
-        "--monte-carlo for its exact interval."
+        f"The ± of {results.name[i]!r} is approximate, as the survey is weak: {why}. Tape more "
+        "lengths, or run again with --monte-carlo for the exact interval."
     )
     several = MessagePlural(
-        "The uncertainties of {count} measurements are approximate",
+        "The ± of {count} measurements are approximate, as the survey is weak",
         repr(results.name[i]),
         why,
-        "Run again with --monte-carlo for their exact intervals.",
+        "Tape more lengths, or run again with --monte-carlo for the exact intervals.",
     )
     return Message(
         "warning",

@@ -156,10 +156,10 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
             low, high = sampled.interval_95[i]
             unit = first.unit[i]
             sigmas = (
-                f"sigma {format_digits(first.sigma[i], 3)}, sampled "
-                f"{format_digits(sampled.sigma[i], 3)} {unit}"
+                f"± {format_digits(sampled.sigma[i], 3)} {unit} instead of "
+                f"± {format_digits(first.sigma[i], 3)} {unit}"
             )
-            ends_text = f"{low:.6g} to {high:.6g} {unit}"
+            ends_text = f"{format_digits(low, 6)} to {format_digits(high, 6)} {unit}"
             several = MessagePlural(
                 "Use the sampled 95 % intervals of {count} measurements, the ordinary ones are off",
                 f"{name!r} {ends_text} ({sigmas})",
@@ -168,7 +168,7 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
                 "warning",
                 "first-order-off",
                 f"Use the sampled 95 % interval of {name!r}, {ends_text}: the ordinary one is off "
-                f"(first-order {sigmas}).",
+                f"({sigmas}).",
                 measurements=(name,),
                 several=several,
             )

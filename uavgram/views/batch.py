@@ -12,7 +12,7 @@ import numpy as np
 
 from uavgram.geometry.geodesy import EARTH_RADIUS_M
 from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
-from uavgram.model.naming import round_down
+from uavgram.model.naming import format_digits, round_down
 from uavgram.model.result.reliability import VerdictLevel
 from uavgram.views.formatting import number
 from uavgram.views.pages import page
@@ -84,9 +84,9 @@ def describe_kind(one: PooledRatio) -> str:
 def describe_pooled(one: PooledRatio) -> str:
     """Judge the stated sigmas: ``the stated ± are too small: errors are 1.4 times as large``."""
     if one.is_small:
-        return f"the stated ± are too small: errors are {one.ratio:.2g} times as large"
+        return f"the stated ± are too small: errors are {format_digits(one.ratio)} times as large"
     if one.is_large:
-        return f"the stated ± are too large: errors are only {one.ratio:.2g} of them"
+        return f"the stated ± are too large: errors are only {format_digits(one.ratio)} of them"
     if one.surveys < FEW_SURVEYS:
         return "no sign that the stated ± are wrong, but there are few surveys"
     return "the stated ± are right"
@@ -97,11 +97,13 @@ def describe_drift(one: Drift) -> str:
     said = []
     if one.is_off:
         said.append(
-            f"{one.parameter} is off by {one.offset:+.3g} ± {one.offset_sigma:.2g} from its file"
+            f"{one.parameter} is off by {format_digits(one.offset, 3, sign='+')} ± "
+            f"{format_digits(one.offset_sigma)} from its file"
         )
     if one.drifts:
         said.append(
-            f"{one.parameter} drifts by {one.per_year:+.3g} ± {one.per_year_sigma:.2g} a year"
+            f"{one.parameter} drifts by {format_digits(one.per_year, 3, sign='+')} ± "
+            f"{format_digits(one.per_year_sigma)} a year"
         )
     return " and ".join(said) + ": calibrate the camera again" if said else "agrees with its file"
 
@@ -184,7 +186,9 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
         drawing.write((6.0, y - 4.0), text, side=-1)
     long = round_down(WIDTH / sheet.scale / 4.0)
     bar = long * sheet.scale
-    words = f"{long / 1000.0:g} km" if long >= 1000.0 else f"{long:g} m"
+    words = (
+        f"{format_digits(long / 1000.0, 6)} km" if long >= 1000.0 else f"{format_digits(long, 6)} m"
+    )
     drawing.scale_bar(WIDTH - 20.0 - bar, 12.0, bar, words)
     for row in rows:
         drawing.signs(
@@ -278,12 +282,12 @@ def _pooled_row(one: PooledRatio) -> Row:
 
 
 def _drift_row(one: Drift) -> Row:
-    change = f"{one.per_year:+.3g} ± {one.per_year_sigma:.2g}"
+    change = f"{format_digits(one.per_year, 3, sign='+')} ± {format_digits(one.per_year_sigma)}"
     cells = (
         one.camera,
         one.parameter,
         str(one.surveys),
-        f"{one.offset:+.3g} ± {one.offset_sigma:.2g}",
+        f"{format_digits(one.offset, 3, sign='+')} ± {format_digits(one.offset_sigma)}",
         change if math.isfinite(one.per_year_sigma) else "–",
         describe_drift(one),
     )

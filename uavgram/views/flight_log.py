@@ -21,6 +21,7 @@ from uavgram.model.flight_log import (
     MessageCount,
     PositionSamples,
 )
+from uavgram.model.naming import format_digits
 
 KINDS = {
     "dataflash": "ArduPilot DataFlash log",
@@ -88,7 +89,7 @@ def _rate(source: str, time_boot_s: Floats) -> str:
     first, last = time_boot_s[0], time_boot_s[-1]
     text = f"{source}, {len(time_boot_s)}, {first:.1f} to {last:.1f} s after boot"
     if len(time_boot_s) > 1:
-        text += f", {1 / np.median(np.diff(time_boot_s)):.3g} Hz"
+        text += f", {format_digits(1 / np.median(np.diff(time_boot_s)), 3)} Hz"
     return text
 
 
@@ -123,7 +124,7 @@ def _sigmas_text(sigmas: EstimatorSigmas | None) -> str:
         ("yaw", sigmas.yaw_rad, np.degrees(1.0), "deg"),
     )
     parts = [
-        f"{name} {np.nanmedian(values) * scale:.2g} {unit}"
+        f"{name} {format_digits(np.nanmedian(values) * scale)} {unit}"
         for name, values, scale, unit in stated
         if np.isfinite(values).any()
     ]

@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.naming import METRIC, Units
+from uavgram.model.naming import METRIC, Units, format_digits
 from uavgram.model.observations import MEASUREMENT_FORMS
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, MeasurementResults
@@ -161,7 +161,7 @@ def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:
 def parameter_text(value: float, sigma: float) -> str:
     """Format a camera parameter: two digits of the sigma, and the value to as many decimals."""
     if not sigma > 0:
-        return f"{value:.6g}, held"
+        return f"{format_digits(value, 6)}, held"
     return plus_minus(value, sigma, max(0, 1 - math.floor(math.log10(sigma))))
 
 

@@ -171,7 +171,7 @@ class TableColumn:
 def _kind(source: Source, row: int) -> Cell:
     second, words = source.result.second_order, source.measured(row)
     tags = ["not unique"] if words.others else []
-    tags += ["first order is not enough"] if second is not None and second.off[row] else []
+    tags += ["± is approximate"] if second is not None and second.off[row] else []
     return Cell(words.kind, tags=tuple(tags))
 
 

@@ -42,12 +42,14 @@ def test_another_ratio_has_no_name() -> None:
 def test_where_coordinates_lie_is_told_by_distance_sigma_and_side() -> None:
     sigma = np.array([0.02, 0.03, 0.05])
     text = describe_displacement(np.array([-26.1, 3.0, 0.0]), sigma)
-    assert text == "26.27 m from where it was found (sigma 0.02 m), mostly to the west"
-    assert describe_displacement(np.array([0.0, 0.0, 4.0]), sigma).endswith(
-        "(sigma 0.05 m), mostly above"
-    )
+    assert text == "26.27 m (± 0.02 m) from where it was found, mostly to the west"
+    assert describe_displacement(np.array([0.0, 0.0, 4.0]), sigma).endswith("mostly above")
+    unsure = describe_displacement(np.array([0.0, 0.0, 4000.0]), 1e5 * sigma)
+    assert unsure.startswith("4000 m (± 5000 m) from")
     assert describe_displacement(np.array([5.0, 5.0, 5.0]), sigma).endswith("to no one side")
-    assert describe_displacement(np.array([0.0, 2e6, 0.0]), sigma).startswith("2000 km from")
+    assert describe_displacement(np.array([0.0, 2e6, 0.0]), sigma).startswith(
+        "2000 km (± 0.03 m) from"
+    )
     assert explain_coordinates(np.array([0.0, 2e6, 0.0]), np.zeros(3))
     assert not explain_coordinates(np.array([0.0, 200.0, 0.0]), np.zeros(3))
 

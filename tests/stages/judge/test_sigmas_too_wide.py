@@ -23,9 +23,8 @@ def test_sigmas_far_too_wide_are_told() -> None:
     (message,) = messages_of(noise=0.4)
 
     assert message.code == "sigmas-too-wide"
-    assert "variance factor 0.1" in message.text
-    assert "picks (0.1" in message.text
-    assert "far too wide" in message.text
+    assert "The errors are 0.41 times the stated ones (picks 0.43, " in message.text
+    assert "stated errors are too large" in message.text
 
 
 def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
@@ -35,9 +34,11 @@ def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
 
     assert message.text == (
         "2 kinds of observations do not fit as well as their stated errors promise: picks: look at "
-        "their labels and picks_sigma_px (variance factor 3.0, probability 1e-07); known lengths: "
-        "look at their readings and sigmas (variance factor 2.0, probability 0.0001). Until this "
-        "is cleared up, the uncertainties of the results are too small."
+        "their labels and their stated error, `picks_sigma_px` (their errors are 1.7 times "
+        "as large as stated; chance alone does this less than 1 in a million times); known "
+        "lengths: look at their readings and stated errors (their errors are 1.4 times as large as "
+        "stated; chance alone does this 1 in 10000 times). Until this is cleared up, the "
+        "uncertainties of the results are too small."
     )
 
 

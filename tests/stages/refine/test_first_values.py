@@ -162,7 +162,7 @@ def test_a_log_keeps_those_other_solutions_that_it_allows_and_says_so(
             allowed += 0 <= apart < 10.9
         told = [m for m in wide[1] if m.code == "ambiguous-pose"]
         assert len(told) == (1 if wide[0].alternatives else 0)
-        assert all("within the sigmas of the telemetry" in m.text for m in told)
+        assert all("within the uncertainty of the log" in m.text for m in told)
         assert all("%" in m.text for m in told)
     assert kept == allowed
     assert kept >= 2
@@ -281,7 +281,7 @@ def test_lines_that_run_one_way_are_named_with_the_line_to_tape_next(
     (told,) = [m for m in messages if m.code == "weak-lengths"]
     assert "nearly one direction" in told.text
     assert "best from" in told.text
-    assert "sigma of distances" in told.text
+    assert "distances would then be known to" in told.text
     assert refined.adjustment.minimum.converged
 
 

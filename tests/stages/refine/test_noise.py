@@ -244,16 +244,16 @@ def test_a_plane_and_picks_as_stated_are_no_news() -> None:
     assert not list(report_noise(noise(0.0)))
     assert not list(report_noise(None))
     (message,) = report_noise(noise(0.0, factor=1.6))
-    assert "0.8 px stated, 1.3 ± 0.04 px found" in message.text
+    assert "± 0.8 px stated, ± 1.3 px found" in message.text
 
 
 @pytest.mark.parametrize(
     ("source", "code", "said"),
     [
-        ("hand", "picks-less-exact", "The picks made by hand are less exact than stated: 0.2 px "),
-        ("target", "picks-less-exact", "The targets are less exact than stated: 0.2 px stated, "),
-        ("match", "found-less-exact", "The matches are less exact than stated: 0.2 px stated, "),
-        ("tie", "found-less-exact", "The tie points are less exact than stated: 0.2 px stated, "),
+        ("hand", "picks-less-exact", "The picks made by hand are less exact than stated: ± 0.2 "),
+        ("target", "picks-less-exact", "The targets are less exact than stated: ± 0.2 px stated, "),
+        ("match", "found-less-exact", "The matches are less exact than stated: ± 0.2 px stated, "),
+        ("tie", "found-less-exact", "The tie points are less exact than stated: ± 0.2 px "),
     ],
 )
 def test_each_source_of_picks_is_told_by_its_name(source: str, code: str, said: str) -> None:
@@ -294,4 +294,4 @@ def test_lengths_that_scatter_more_than_stated_are_told(factor: float, *, said: 
 
     assert [one.code for one in messages] == ["lengths-less-exact"] * said
     if said:
-        assert "0.01 m stated, 0.021 m found" in messages[0].text
+        assert "± 0.01 m is stated, ± 0.021 m was found" in messages[0].text

@@ -302,7 +302,9 @@ def test_a_pick_that_the_lens_cannot_invert_is_left_out(
 
     assert 3 not in refined.pick_index
     assert refined.pick_reason[3].cause is LeftOutCause.BEYOND_LENS
-    assert refined.pick_reason[3].text == "the calibration of the lens does not reach there"
+    assert (
+        refined.pick_reason[3].text == "the lens is not calibrated there, at the rim of the photo"
+    )
     # The picks are of another lens than the camera file now has, and that is said first.
     first, second = codes(messages)[:2]
     assert (first, second) == ("camera-contradicted", "pick-left-out")
@@ -362,7 +364,7 @@ def test_a_sky_pick_and_a_lost_frame_each_get_their_own_reason(
     assert "does not meet the ground" in refined.pick_reason[sky].text
     lost = [k for k in refined.pick_reason if k != sky]
     assert len(lost) == 3
-    assert all("neither telemetry" in refined.pick_reason[k].text for k in lost)
+    assert all("nothing places its photo" in refined.pick_reason[k].text for k in lost)
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
@@ -485,7 +487,7 @@ def test_control_points_decide_between_the_poses_of_three_lengths(
 def test_no_pick_that_meets_the_ground_says_so(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(4, tilt=0.6)
     pixel = np.tile([1000.0, -30000.0], (len(scene.survey.pick_frame), 1))
-    with pytest.raises(GeometryError, match="no usable pick is left"):
+    with pytest.raises(GeometryError, match="no pick can be used"):
         refine(replace(scene.survey, pixel_px=pixel), REPORT)
 
 

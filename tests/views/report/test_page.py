@@ -314,11 +314,11 @@ def test_where_first_order_is_not_enough_the_way_out_is_said() -> None:
     assert result.second_order is not None
     doubtful = replace(result, second_order=replace(result.second_order, off=off))
 
-    assert "they change a sigma by 2.1 % at most, and move a mean by 0.03" in render_annex(result)
+    assert "changes a ± by 2.1 % at most, and a value by 0.03 of its ±" in render_annex(result)
     assert "use the sampled intervals" in render_annex(doubtful)
     alone = render_annex(replace(doubtful, monte_carlo=None))
     assert "run again with --monte-carlo and use its intervals" in alone
-    flagged = [row for row in Page(alone).rows if len(row) == 9 and "not enough" in row[1]]
+    flagged = [row for row in Page(alone).rows if len(row) == 9 and "approximate" in row[1]]
     assert [row[0] for row in flagged] == [result.measurements.name[2]]
 
 

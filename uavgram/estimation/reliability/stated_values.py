@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import format_digits
 
 UNITS = (
     (1000.0, "millimetres"),
@@ -97,8 +98,9 @@ def describe_displacement(off_m: Floats, sigma_m: Floats) -> str:
     distance = float(np.linalg.norm(off_m))
     direction = off_m / distance
     sigma = float(np.linalg.norm(sigma_m * direction))
-    size = f"{distance / 1000:.4g} km" if distance > FAR_M else f"{distance:.4g} m"
-    return f"{size} from where it was found (sigma {sigma:.2g} m), {_describe_direction(direction)}"
+    unit, one_m = ("km", 1000.0) if distance > FAR_M else ("m", 1.0)
+    size = f"{format_digits(distance / one_m, 4)} {unit} (± {format_digits(sigma)} m)"
+    return f"{size} from where it was found, {_describe_direction(direction)}"
 
 
 def explain_coordinates(

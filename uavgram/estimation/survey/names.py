@@ -93,7 +93,7 @@ class ObservationNames:
         more = len(suspicion.rivals) - len(named)
         others = f" or one of {more} others" if more else ""
         return (
-            f"There is too little redundancy to be sure: it could also be the "
+            f"Too few other readings check it to be sure: it could also be the "
             f"{' or the '.join(named)}{others}."
         )
 

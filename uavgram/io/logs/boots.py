@@ -47,6 +47,7 @@ from uavgram.model.flight_log import (
     HomeSamples,
     PositionSamples,
 )
+from uavgram.model.naming import format_digits
 
 ANY_CODE = -1
 
@@ -249,8 +250,8 @@ def _disagreement(what: str, time_s: Floats, apart: Floats, unit: str) -> tuple[
     worst = rows[apart[rows].argmax()]
     return (
         f"{what} contradict each other at {len(rows)} of {len(time_s)} times, by "
-        f"{apart[worst]:.3g} {unit} at {time_s[worst]:.2f} s since boot: one of the two is "
-        "damaged, or the autopilot was lost",
+        f"{format_digits(apart[worst], 3)} {unit} at {time_s[worst]:.2f} s since boot: one of the "
+        "two is damaged, or the autopilot was lost",
     )
 
 

@@ -31,7 +31,7 @@ from uavgram.model.flight_log import (
     TurnRateSamples,
     VelocitySamples,
 )
-from uavgram.model.naming import join_names
+from uavgram.model.naming import format_digits, join_names
 
 LONGEST_BOOT_S = 30 * 86400.0
 _BESIDE = 7  # rows of a neighbourhood, centred on a row
@@ -375,7 +375,9 @@ def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
     rows = np.flatnonzero(off)
     if not len(rows):
         return []
-    named = join_names((f"by {off[k]:.3g} {unit} at {time_s[k]:.2f} s" for k in rows), _NAMED)
+    named = join_names(
+        (f"by {format_digits(off[k], 3)} {unit} at {time_s[k]:.2f} s" for k in rows), _NAMED
+    )
     what = "1 row is" if len(rows) == 1 else f"{len(rows)} rows are"
     return [
         f"{what} off the rows before and after ({source}: {named}, since boot): taken for "

@@ -31,6 +31,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight_log import HeightDatum
 from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message
+from uavgram.model.naming import format_digits
 
 _UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
 _X_FIRST = "x (longitude, east) comes first"
@@ -162,7 +163,8 @@ def convert_to_geodetic(
         k = int(np.flatnonzero(~inside)[0])
         raise InputError(
             path,
-            f"({xyz[k, 0]:g}, {xyz[k, 1]:g}) is no place in {crs.name}: {_X_FIRST}",
+            f"({format_digits(xyz[k, 0], 6)}, {format_digits(xyz[k, 1], 6)}) is no place in "
+            f"{crs.name}: {_X_FIRST}",
             line[k],
         )
     return latitude, longitude
@@ -173,8 +175,9 @@ def _check_not_degrees(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -
     small = (np.abs(xyz[:, :2]) <= (360.0, 90.0)).all(axis=1) & (xyz[:, :2] % 1 != 0).any(axis=1)
     if crs.is_projected and small.all():
         text = (
-            f"({xyz[0, 0]:g}, {xyz[0, 1]:g}) are degrees, but the file names the coordinate system "
-            f"{crs.name}, in metres: write EPSG:4326 there, or the coordinates in metres"
+            f"({format_digits(xyz[0, 0], 6)}, {format_digits(xyz[0, 1], 6)}) are degrees, but the "
+            f"file names the coordinate system {crs.name}, in metres: write EPSG:4326 there, or "
+            "the coordinates in metres"
         )
         raise InputError(path, text, line[0])
 

@@ -40,7 +40,7 @@ from uavgram.model.limits import (
     range_of,
     replace_decimal_comma,
 )
-from uavgram.model.naming import join_names
+from uavgram.model.naming import format_digits, join_names
 
 _LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
@@ -410,7 +410,11 @@ class _Column:
             odd = np.flatnonzero((numbers < least) | (numbers > most)).tolist()
             values = [(row, float(numbers[row])) for row in odd]
             faults += [
-                (row, f"{self.name} {find_value_fault(self.name, value)} (got {value:g})")
+                (
+                    row,
+                    f"{self.name} {find_value_fault(self.name, value)} (got "
+                    f"{format_digits(value, 6)})",
+                )
                 for row, value in values
             ]
             return [*faults, *wrong]

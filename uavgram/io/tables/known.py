@@ -12,6 +12,7 @@ from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.measure import read_parameters, read_points, request_fault
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import (
     MEASUREMENT_FORMS,
     NOT_KNOWN,
@@ -204,7 +205,9 @@ def _check_value(table: Table, row: int, kind: str) -> None:
     value = float(table.numbers["value"][row])
     if not KNOWN_KINDS[kind].has_value:
         if np.isfinite(value):
-            table.add_fault(row, f"kind {kind} has no value: leave it empty (got {value:g})")
+            table.add_fault(
+                row, f"kind {kind} has no value: leave it empty (got {format_digits(value, 6)})"
+            )
         return
     if not np.isfinite(value):
         if not _has_fault(table, row):
@@ -212,7 +215,7 @@ def _check_value(table: Table, row: int, kind: str) -> None:
         return
     fault = KNOWN_KINDS[kind].fault(value)
     if fault:
-        table.add_fault(row, f"value of kind {kind} {fault} (got {value:g})")
+        table.add_fault(row, f"value of kind {kind} {fault} (got {format_digits(value, 6)})")
 
 
 def _has_fault(table: Table, row: int) -> bool:
@@ -326,7 +329,8 @@ def _check_ends(
             table.add_fault(
                 row,
                 f"start and end are {np.hypot(*ahead):.2f} m apart seen from above, which gives "
-                f"the line no direction: give two points at least {SHORTEST_M:g} m apart",
+                f"the line no direction: give two points at least {format_digits(SHORTEST_M, 6)} m "
+                "apart",
             )
 
 

@@ -9,6 +9,7 @@ from typing import get_args
 from uavgram.errors import suggest_spelling
 from uavgram.io.tables.csv_tables import Columns, Table, number_hint, parse_number, read_table
 from uavgram.model.limits import find_name_fault
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind, MeasurementRequest
 
 MEASURE_COLUMNS = Columns(
@@ -187,5 +188,5 @@ def read_parameters(
         )
     for name, value in found.items():
         if fault := parameter_fault(name, value):
-            table.add_fault(row, f"parameter {name} {fault} (got {value:g})")
+            table.add_fault(row, f"parameter {name} {fault} (got {format_digits(value, 6)})")
     return tuple((name, found[name]) for name in known if name in found)

@@ -70,14 +70,17 @@ CAMERA = (
         "camera-learnt",
         NOTE,
         finding=(
-            "States which values of the camera picks and lengths determine better than its file."
+            "Picks and lengths show some values of the camera better than its file does. The "
+            "message names them."
         ),
+        consequence="The results use the better values.",
         is_detail=True,
     ),
     Entry(
         "camera-not-learnt",
         NOTE,
-        finding="Picks and lengths do not improve the values of the camera.",
+        finding="Picks and lengths do not show the values of the camera better than its file.",
+        consequence="The results use the values of the file.",
         is_detail=True,
     ),
     Entry(

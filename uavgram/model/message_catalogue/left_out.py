@@ -373,8 +373,8 @@ UNUSED = (
         finding="The 95 % interval of a distance, an area or an angle reaches zero.",
         consequence="Any size would fit as well, and the value has no meaning.",
         action=(
-            "Check `picks_sigma_px` and the sigmas of the lengths. If they are right, pick in more "
-            "photos, or tape more lengths."
+            "Check the stated errors of picks (`picks_sigma_px`) and lengths. If they are right, "
+            "pick in more photos, or tape more lengths."
         ),
         effect=Effect.UNCHECKED,
         one="Nothing is known of {measurements}: any value would fit.",

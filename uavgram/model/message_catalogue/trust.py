@@ -28,8 +28,8 @@ TRUST = (
         "nothing-checks",
         WARNING,
         finding=(
-            "A single wrong reading could change this measurement by more than 10 of its sigmas, "
-            "and no test would show it."
+            "A single wrong reading could change this measurement by more than 10 times its "
+            "uncertainty (one sigma), and no test would show it."
         ),
         consequence=(
             "A wrong tape reading, a wrong click, a wrong stated height or a wrong position of the "
@@ -193,17 +193,18 @@ TRUST = (
         finding="Everything fits far better than stated.",
         consequence="The uncertainties are larger than necessary.",
         action=(
-            "State `picks_sigma_px` and the sigmas of lengths, ground and telemetry as they are."
+            "State smaller errors of picks (`picks_sigma_px`), lengths, ground and log, if they "
+            "are true."
         ),
     ),
     Entry(
         "first-order-doubtful",
         WARNING,
         finding=(
-            "The survey is weak, so the ± of a measurement is approximate. The message gives the "
-            "error of its sigma and of its middle."
+            "The survey is weak, so the ± of a measurement is approximate. The message gives a "
+            "more realistic ±, and the likely error of the value."
         ),
-        action="Run again with `--monte-carlo` for the exact interval.",
+        action="Tape more lengths, or run again with `--monte-carlo` for the exact interval.",
         order=Order.APPROXIMATION,
     ),
     Entry(

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
-from uavgram.model.naming import Units
+from uavgram.model.naming import Units, format_digits
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.result import Result
 from uavgram.picking.document.state import Pick, State
@@ -388,7 +388,8 @@ def _advice(adjusted: LiveAdjustment) -> m.Advice | None:
         return None
     start, end = label[advice.start], label[advice.end]
     before, after = (
-        f"{100 * part:.2g} %" for part in (advice.relative_sigma, advice.relative_sigma_after)
+        f"{format_digits(100 * part)} %"
+        for part in (advice.relative_sigma, advice.relative_sigma_after)
     )
 
     def words(units: Units) -> str:

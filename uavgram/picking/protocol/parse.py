@@ -25,6 +25,7 @@ from uavgram.model.limits import (
     find_unshowable,
     find_value_fault,
 )
+from uavgram.model.naming import format_digits
 from uavgram.model.observations import MEASUREMENT_FORMS, Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
@@ -214,7 +215,10 @@ class _Fields:
     def between(self, name: str, least: float, most: float) -> float:
         value = self.number(name)
         if not least <= value <= most:
-            _refuse(f"{_UNIT.sub('', name)} must lie between {least:g} and {most:g}")
+            _refuse(
+                f"{_UNIT.sub('', name)} must lie between {format_digits(least, 6)} and "
+                f"{format_digits(most, 6)}"
+            )
         return value
 
     def optional(self, name: str, fault_of: Callable[[float], str] | None = None) -> float | None:

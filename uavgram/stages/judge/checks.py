@@ -15,6 +15,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_known
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
+from uavgram.model.naming import format_odds
 from uavgram.model.observations import KnownLines, KnownWorldPoints
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.tables import PointChecks
@@ -178,7 +179,7 @@ def _checks_message(
 ) -> Message:
     """Report a misfit of the checks: `off` are rows of `names`, of which the first are lengths."""
     cause = (
-        "the stated sigmas of lengths, picks or log are too small, or something common to all is "
+        "the stated errors of lengths, picks or log are too small, or something common to all is "
         "wrong. Until this is cleared up, do not trust the uncertainties"
     )
     if off:
@@ -188,8 +189,8 @@ def _checks_message(
         )
     text = (
         f"The withheld lengths and points are further off than their uncertainties allow: {cause} "
-        f"({overall.count} values, chi-square {overall.chi2:.1f}, probability "
-        f"{overall.probability:.1g})."
+        f"({overall.count} values; chance alone does this "
+        f"{format_odds(overall.probability)} times)."
     )
     return Message(
         "warning",

@@ -23,7 +23,7 @@ from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Kind
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import format_digits, join_names
+from uavgram.model.naming import format_digits, format_odds, join_names
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.result import GroupFactor
 from uavgram.model.result.tables import KnownResults, LineResults, PointChecks
@@ -158,7 +158,7 @@ def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
     )
     text = (
         f"Picks, lengths and ground {what}{why}. Do not {verb} the numbers before it is cleared "
-        f"up: {look} (probability by chance {core:.1g})."
+        f"up: {look} (chance alone does this {format_odds(core)} times)."
     )
     return (Message("warning", "misfit", text),)
 
@@ -200,7 +200,10 @@ def judge_groups(
 
 def _report_misfit(kind: Kind, factor: float, probability: float) -> Message:
     what, cause = kind.plural, kind.check
-    how = f"variance factor {factor:.1f}, probability {probability:.1g}"
+    how = (
+        f"their errors are {format_digits(factor**0.5)} times as large as stated; chance alone "
+        f"does this {format_odds(probability)} times"
+    )
     until = "Until this is cleared up, the uncertainties of the results are too small"
     return Message(
         "warning",
@@ -223,8 +226,7 @@ def _report_wide_sigmas(
     degrees = adjustment.degrees_of_freedom
     if degrees <= 0 or cost > MIN_VARIANCE_FACTOR * degrees:
         return
-    probability = compute_upper_tail(cost, degrees)
-    if probability < 1.0 - significance:
+    if compute_upper_tail(cost, degrees) < 1.0 - significance:
         return
     wide = [
         g
@@ -234,15 +236,15 @@ def _report_wide_sigmas(
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
         f"{get_kind(g.name).plural or g.name.replace('_', ' ')} "
-        f"({format_digits(g.variance_factor)})"
+        f"{format_digits(g.variance_factor**0.5)}"
         for g in named
     )
     text = (
-        "Everything fits far better than stated: the stated errors are far too wide, and so are "
-        "the uncertainties of the results. State the true ones: picks_sigma_px, the sigmas of "
-        "the lengths, ground, telemetry (variance factor "
-        f"{format_digits(cost / degrees)}, probability {probability:.7g}"
-        + (f"; by group: {which})." if which else ").")
+        "Everything fits far better than stated: the stated errors are too large, and so are the "
+        "uncertainties of the results. State smaller errors of picks (`picks_sigma_px`), lengths, "
+        "ground and log, if they are true. The errors are "
+        f"{format_digits((cost / degrees) ** 0.5)} "
+        "times the stated ones" + (f" ({which})." if which else ".")
     )
     yield Message("info", "sigmas-too-wide", text)
 

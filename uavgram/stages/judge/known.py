@@ -15,7 +15,7 @@ from uavgram.estimation.survey.observations.known import compute_known_rows, des
 from uavgram.geometry.ground.conditions import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, MessagePlural
-from uavgram.model.naming import format_digits
+from uavgram.model.naming import format_digits, format_misfit
 from uavgram.model.observations import KnownThing, KnownThings, LinePosition
 from uavgram.model.result.tables import (
     NO_LINES_OF_POSITION,
@@ -175,9 +175,7 @@ def _find_gross(examined: TestedSurvey, names: Sequence[str]) -> list[int]:
 def _left_out(results: KnownResults, i: int) -> Message:
     what = describe_thing(results.kind[i], results.name[i], results.points[i])
     found = (
-        f" (sigma {format_digits(results.adjusted_sigma[i])})"
-        if results.adjusted_sigma[i] > 0
-        else ""
+        f" (± {format_digits(results.adjusted_sigma[i])})" if results.adjusted_sigma[i] > 0 else ""
     )
     how, why = (
         f"{describe_values(results, i)}{found}",
@@ -245,7 +243,7 @@ def _report_unplaced(known: KnownThings, i: int, what: str) -> Message:
 
 def _does_not_fit(results: KnownResults, i: int) -> Message:
     what = describe_thing(results.kind[i], results.name[i], results.points[i])
-    how = f"{describe_values(results, i)} (w = {results.w[i]:.1f})"
+    how = f"{describe_values(results, i)} ({format_misfit(results.w[i])})"
     return Message(
         "warning",
         "known-suspect",

@@ -14,7 +14,7 @@ from uavgram.estimation.survey.observations.lengths import describe_ends, select
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message, MessagePlural, propose_length_removal
-from uavgram.model.naming import format_digits
+from uavgram.model.naming import format_digits, format_misfit
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
@@ -165,7 +165,7 @@ def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Mess
     what = explain_length(*taped, found, float(columns["adjusted_sigma_m"][i]))
     ask = f"{what[0].upper()}{what[1:]}? " if what else ""
     name = describe_ends(lines.name[i], lines.start[i], lines.end[i])
-    how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m (w = {columns['w'][i]:.1f})"
+    how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m ({format_misfit(columns['w'][i])})"
     mend, *instead = read_first([propose_length_removal([lines.name[i]])])
     return Message(
         "warning",
@@ -243,8 +243,7 @@ def _text(
     ask = f": {what}?" if what else ""
     taped = [f"{lines.length_m[i]:.10g} m taped" for i in found]
     seen = [
-        f"{format_digits(adjusted[0][i], 4)} m (sigma {format_digits(adjusted[1][i])} m)"
-        for i in found
+        f"{format_digits(adjusted[0][i], 4)} ± {format_digits(adjusted[1][i])} m" for i in found
     ]
     if len(found) == 1:
         name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))

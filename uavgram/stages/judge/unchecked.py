@@ -70,8 +70,8 @@ def _report_unknown(measured: MeasuredValues) -> Iterator[Message]:
     )
     text = (
         f"Nothing is known of {join_names(values, MAX_NAMED)}: any value down to zero would fit as "
-        "well. Look at picks_sigma_px and at the sigmas of the lengths; if they are right, pick in "
-        "more photos or tape more lengths."
+        "well. Check the stated errors of picks (`picks_sigma_px`) and lengths; if they are right, "
+        "pick in more photos or tape more lengths."
     )
     names = tuple(measured.name[i] for i in rows)
     yield Message("warning", "measurement-unknown", text, measurements=names)

@@ -105,13 +105,13 @@ def _check_size(extent_m: Floats, pixel_m: float) -> None:
     if extent_m[0] / pixel_m > MOST_PIXELS / max(extent_m[1] / pixel_m, 1.0):
         least = float(np.sqrt(np.prod(extent_m) / MOST_PIXELS))
         raise GeometryError(
-            f"pixels of {pixel_m:g} m are too many: {shown}; ask for --pixel-size "
+            f"pixels of {format_digits(pixel_m, 6)} m are too many: {shown}; ask for --pixel-size "
             f"{format_digits(least)} or "
             "more, or for one --frame"
         )
     if extent_m.min() < LEAST_PIXELS * pixel_m:
         raise GeometryError(
-            f"pixels of {pixel_m:g} m are too large: {shown}; ask for --pixel-size "
+            f"pixels of {format_digits(pixel_m, 6)} m are too large: {shown}; ask for --pixel-size "
             f"{format_digits(extent_m.min() / LEAST_PIXELS)} or less"
         )
 

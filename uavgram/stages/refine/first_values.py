@@ -46,9 +46,11 @@ anyway."""
 MAX_BASES = 4
 """Frames whose lengths begin in turn where those of the first led to no result."""
 
-BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the calibration of the lens does not reach there")
+BEYOND_LENS = LeftOut(
+    LeftOutCause.BEYOND_LENS, "the lens is not calibrated there, at the rim of the photo"
+)
 NO_GROUND = LeftOut(
-    LeftOutCause.NO_GROUND, "its line of sight does not meet the ground in front of the camera"
+    LeftOutCause.NO_GROUND, "it is in the sky: its line of sight does not meet the ground"
 )
 NO_HEIGHT = LeftOut(
     LeftOutCause.UNDETERMINED,
@@ -57,9 +59,9 @@ NO_HEIGHT = LeftOut(
 )
 NOT_JOINED = LeftOut(
     LeftOutCause.NOT_JOINED,
-    "its frame has neither telemetry, nor three known lengths (or right angles, parallels and the "
-    "like with them), nor four points in common with the frames that do, picked where one camera "
-    "could see them",
+    "nothing places its photo, which takes a flight log, three lengths that it shows (or right "
+    "angles, parallels and the like), or four points that it shares with placed photos and that "
+    "fit together",
 )
 
 

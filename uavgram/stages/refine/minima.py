@@ -307,7 +307,7 @@ def find_minima_from(
     while True:
         if not taking.keep.any():
             raise GeometryError(
-                "no usable pick is left; the picks were left out because: "
+                "no pick can be used, so nothing can be computed: "
                 + "; ".join(sorted({why.text for why in taking.reason.values()}))
             )
         selection = select_picks(survey, taking.keep)

@@ -543,12 +543,10 @@ def report_noise(noise: Noise | None) -> Iterator[Message]:
     lengths = noise.lengths
     if lengths is not None and lengths.factor > max(WORSE_FACTOR, 1.0 + lengths.sigma):
         text = (
-            f"The taped lengths fit less well than stated: {format_digits(lengths.stated_m)} m "
-            f"stated, "
-            f"{format_digits(lengths.stated_m * lengths.factor)} m found. All uncertainties are "
-            f"wider "
-            "for "
-            "that. State in their sigmas how finely the tape was read."
+            f"The taped lengths fit less well than stated: ± {format_digits(lengths.stated_m)} m "
+            f"is stated, ± {format_digits(lengths.stated_m * lengths.factor)} m was found. All "
+            "uncertainties are wider for that. State how exactly the tape was read, in the column "
+            "`sigma_m` of the lengths."
         )
         yield Message("warning", "lengths-less-exact", text)
     beside = noise.identification
@@ -588,12 +586,8 @@ def _length_text(size_m: float) -> str:
 def _report_picks(picks: PickNoise, what: str) -> Iterator[Message]:
     """Report picks with other errors than stated; not matches that are merely more exact."""
     by_likeness = picks.source in ("match", "tie")
-    stated = f"{format_digits(picks.stated_px)} px stated"
-    found = (
-        f"{format_digits(picks.stated_px * picks.factor)} ± "
-        f"{format_digits(picks.stated_px * picks.sigma, 1)} "
-        "px found"
-    )
+    stated = f"± {format_digits(picks.stated_px)} px stated"
+    found = f"± {format_digits(picks.stated_px * picks.factor)} px found"
     if picks.factor > WORSE_FACTOR:
         text = (
             f"The {what} are less exact than stated: {stated}, {found}. {ADVICE[picks.source]} All "

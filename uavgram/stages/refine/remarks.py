@@ -29,7 +29,7 @@ from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
-from uavgram.model.naming import FOOT_M, format_digits, join_names
+from uavgram.model.naming import FOOT_M, format_digits, format_misfit, join_names
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.remedies import report_not_located
 
@@ -117,8 +117,8 @@ def _list_ratios(survey: Survey, ratio: Floats) -> str:
         for i in _odd_first(ratio)
     ]
     return (
-        "Look at the unit and at the labels of the odd one: taped over seen, as if from straight "
-        f"above, an ordinary one of the same photos being 1, are {', '.join(values)}."
+        "Look at the unit and at the labels of the odd one. Beside what its photo shows, each is "
+        f"so many times as long as an ordinary one: {', '.join(values)}."
     )
 
 
@@ -132,10 +132,8 @@ def _report_odd_height(adjustment: Adjustment) -> Iterator[Message]:
             and not USUAL_MIN_HEIGHT_M <= height <= USUAL_MAX_HEIGHT_M
         ):
             text = (
-                f"By the lengths, the cameras were {format_digits(height)} m above the ground "
-                f"(median). "
-                "If "
-                "they were not, look in which unit the lengths are: they must be in metres."
+                f"By the lengths, the cameras were {format_digits(height)} m above the ground. If "
+                "they were not, check the unit of the lengths: they must be in metres."
             )
             yield Message("info", "unusual-height", text)
         return
@@ -144,7 +142,7 @@ def _report_odd_height(adjustment: Adjustment) -> Iterator[Message]:
         if height > MAX_HEIGHT_M
         else f"{format_digits(height)} m"
     )
-    where = f"The cameras come out {size} above the ground (median)"
+    where = f"The cameras seem to be {size} above the ground"
     units = [
         unit
         for unit, one_m in UNITS_M.items()
@@ -217,8 +215,8 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
     what = names.observation(removal.suspicion.suspect)
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
     text = (
-        f"The {what} was taken out, as it does not fit the rest (w = {removal.w:.1f}); everything "
-        "else was adjusted again. Look at it, and correct or delete it."
+        f"The {what} was taken out, as it does not fit the rest ({format_misfit(removal.w)}); "
+        "everything else was adjusted again. Look at it, and correct or delete it."
     )
     if removal.suspicion.group:
         text += (
@@ -234,7 +232,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
         several=MessagePlural(
             f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
             "again",
-            f"{what} (w = {removal.w:.1f})",
+            f"{what} ({format_misfit(removal.w)})",
             ending="Look at them, and correct or delete them.",
         ),
     )
@@ -250,7 +248,7 @@ def _correction_message(cause: Cause, before: str, after: str) -> Message:
 
 def not_located_message(refined: Refined, suspicion: Suspicion) -> Message:
     """Report a blunder that no test can separate from its neighbours."""
-    kept = f"Nothing was taken out (w = {abs(suspicion.w):.1f})."
+    kept = f"Nothing was taken out ({format_misfit(suspicion.w)})."
     return report_not_located(ObservationNames(refined.adjustment), suspicion, kept)
 
 
@@ -268,8 +266,8 @@ def indispensable_message(refined: Refined, removal: Removal, why: GeometryError
     """
     names, accused = ObservationNames(refined.adjustment), removal.suspicion.suspect
     text = (
-        f"The {names.observation(accused)} does not fit the rest, but was kept (w = "
-        f"{removal.w:.1f}). Look at it, and correct it. Without it, {why}"
+        f"The {names.observation(accused)} does not fit the rest, but was kept "
+        f"({format_misfit(removal.w)}). Look at it, and correct it. Without it, {why}"
     )
     return Message("warning", "blunder-kept", text, **names.subjects(accused))
 
@@ -280,7 +278,7 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
         yield from _report_ambiguous_control(refined)
         return
     if refined.alternatives:
-        within = "" if survey.telemetry is None else " within the sigmas of the telemetry"
+        within = "" if survey.telemetry is None else " within the uncertainty of the log"
         how_else = "" if survey.telemetry is not None else ", or give the flight log"
         also = ", or give another right angle or pair of parallel lines" if survey.known else ""
         what = "known lengths and things fit" if survey.known else "lengths fit"
@@ -316,7 +314,7 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
 def _difference_text(changes: Sequence[DistanceChanges]) -> str:
     """Describe by how much alternatives change the distances between the points."""
     one_each = "; ".join(
-        f"{format_digits(100 * one.median)} % at the median and up to "
+        f"{format_digits(100 * one.median)} % as a rule and up to "
         f"{format_digits(100 * one.largest)} %"
         for one in changes
     )
@@ -355,9 +353,9 @@ def _suggest_length(refined: Refined) -> tuple[str, tuple[str, ...]]:
     label = refined.adjustment.survey.label
     start, end = label[advice.start], label[advice.end]
     text = (
-        f"; best from {start!r} to {end!r}, about {advice.length_m:.1f} m long: it would bring the "
-        f"sigma of distances from {format_digits(100 * advice.relative_sigma)} % to "
-        f"{format_digits(100 * advice.relative_sigma_after)} %"
+        f"; best from {start!r} to {end!r}, about {advice.length_m:.1f} m long: distances "
+        f"would then be known to {format_digits(100 * advice.relative_sigma_after)} % instead of "
+        f"{format_digits(100 * advice.relative_sigma)} %"
     )
     return text, (start, end)
 
@@ -446,10 +444,10 @@ LEVEL_DEG = 2.0
 """Slope [deg] up to which people call a ground level."""
 
 SHUTTER_FOUND = (
-    "The camera reads its rows one after the other (a rolling shutter): tie points fit much better "
-    "so. The effect is corrected as far as they show it. They do not show the readout time and how "
-    "far the drone flew meanwhile: this is in the sigmas. Name the flight's log "
-    "(`log:`), or state `readout_ms` in the camera file."
+    "This camera exposes a photo row by row (rolling shutter), as the tie points show. The effect "
+    "is corrected as far as they show it. They do not show how far the drone flew during a photo, "
+    "so lengths along the flight are less certain. Name the flight's log (`log:`), or state "
+    "`readout_ms` in the camera file."
 )
 
 
@@ -478,9 +476,9 @@ def _report_shutter(adjustment: Adjustment, sure: float) -> Iterator[Message]:
     sigma_s = float(np.sqrt(adjustment.shared_covariance(layout.first_readout, 1)[0, 0]))
     if abs(found_s) > sure * sigma_s:
         text = (
-            f"The camera reads its rows one after the other, in {1e3 * abs(found_s):.0f} ± "
-            f"{1e3 * sigma_s:.0f} ms (a rolling shutter): taken into account. Where the camera's "
-            "own time is known, state it in the camera file, as readout_ms."
+            f"This camera exposes a photo row by row (rolling shutter), in "
+            f"{1e3 * abs(found_s):.0f} ± {1e3 * sigma_s:.0f} ms. The results take it into account. "
+            "If you know the camera's own time, state it as `readout_ms` in the camera file."
         )
         yield Message("info", "shutter-found", text)
 
@@ -504,7 +502,7 @@ def _report_slopes(adjustment: Adjustment, sure: float) -> Iterator[Message]:
             name = survey.grounds[area].name
             where = f"The ground of area {name!r}" if len(plane) > 1 else "The ground"
             text = (
-                f"{where} slopes by {angle:.1f} ± {format_digits(error, 1)} degrees: taken into "
-                f"account."
+                f"{where} slopes by {angle:.1f} ± {format_digits(error, 1)} degrees. The results "
+                "take it into account."
             )
             yield Message("info", "ground-slopes", text)

@@ -271,10 +271,10 @@ def correct_readout(
 
 def _implausible_message(known: Readout, found_s: float) -> Message:
     text = (
-        f"The picks ask for a camera that reads a photo in {1e3 * found_s:.0f} ms, row after row. "
-        f"That cannot be (known: {1e3 * known.value_s:.0f} ± {1e3 * known.sigma_s:.0f} ms), so "
-        "something else does not fit, and the readout time was left out. Look at the warnings: "
-        "points that do not lie on the ground do this."
+        "The picks fit only a camera that exposes a photo row by row in "
+        f"{1e3 * abs(found_s):.0f} ms, which is impossible (known are {1e3 * known.value_s:.0f} ± "
+        f"{1e3 * known.sigma_s:.0f} ms). So something else does not fit, and this effect was left "
+        "out. Read the warnings first; points off the ground can cause this."
     )
     return Message("info", "readout-left-out", text)
 

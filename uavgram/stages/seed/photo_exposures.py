@@ -187,8 +187,8 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, scatter_deg: float) -> Ite
         frames = tuple(poses.frame_id[k] for k in by_nose)
         text = (
             f"There is no attitude in {poses.source} for {format_photo_count(frames)}: the "
-            f"direction is assumed {how} from a level vehicle with the heading of its tags (sigma "
-            f"{tilt_deg:.2g} degrees of tilt, {NOSE_YAW_SIGMA_DEG:g} of yaw). If you "
+            f"direction is assumed {how} from a level vehicle with the heading of its tags (± "
+            f"{tilt_deg:.0f} degrees of tilt, ± {NOSE_YAW_SIGMA_DEG:.0f} of heading). If you "
             f"know better, {way_out}."
         )
         yield Message("warning", "attitude-from-course", text, frames=frames)
@@ -196,7 +196,7 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, scatter_deg: float) -> Ite
         frames = tuple(poses.frame_id[k] for k in unknown)
         text = (
             f"There is no attitude in {poses.source} for {format_photo_count(frames)}. The "
-            f"direction is assumed {how} from a level vehicle (sigma {tilt_deg:.2g} degrees "
+            f"direction is assumed {how} from a level vehicle (± {tilt_deg:.0f} degrees "
             "of tilt); the heading is unknown, as a drone may fly backwards and sideways. Only "
             "points that several photos share, or known points, determine it. Pick such points, "
             f"or {way_out}."

@@ -9,6 +9,7 @@ import numpy as np
 
 from uavgram.estimation.measuring.error_budget import SOURCES
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import format_digits
 from uavgram.model.result.reliability import ErrorBudget, Noise
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
@@ -90,7 +91,7 @@ def _causes(noise: Noise) -> list[str]:
         if abs(picks.factor - 1.0) > MIN_SIGMA_CHANGE:
             found = picks.stated_px * picks.factor
             how = "less" if picks.factor > 1.0 else "more"
-            sizes = f"{picks.stated_px:.2g} px stated, {found:.2g} px found"
+            sizes = f"{format_digits(picks.stated_px)} px stated, {format_digits(found)} px found"
             causes.append(
                 f"the {noise.describe_picks(picks)} are {how} exact than stated ({sizes})"
             )
@@ -125,10 +126,10 @@ def second_order_note(result: Result) -> SecondOrderNote | None:
     change = np.nan_to_num(np.abs(second.sigma[computed] / sigma - 1.0))
     shift = np.nan_to_num(np.abs(second.bias[computed] / sigma))
     sentence = (
-        f"Second-order terms were computed for each of them: they change a sigma by "
-        f"{100 * change.max(initial=0.0):.1f} % at most, and move a mean by "
-        f"{shift.max(initial=0.0):.2f} sigma at most. First order is good enough up to "
-        f"{100 * MAX_SIGMA_DIFFERENCE:.0f} % and {MAX_BIAS_SIGMAS} sigma."
+        "The ± are computed by a linear approximation. It was checked for each value: it changes a "
+        f"± by {100 * change.max(initial=0.0):.1f} % at most, and a value by "
+        f"{shift.max(initial=0.0):.2f} of its ± at most. It is good enough up to "
+        f"{100 * MAX_SIGMA_DIFFERENCE:.0f} % and {MAX_BIAS_SIGMAS} of the ±."
     )
     advice = (
         "run again with --monte-carlo and use its intervals"

@@ -23,7 +23,7 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.geometry.ground.figures import ELLIPSE_95
 from uavgram.model.maps import Paper
-from uavgram.model.naming import format_count
+from uavgram.model.naming import format_count, format_digits
 from uavgram.model.result.result import NO_PICTURES, Pictures, Result
 from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
@@ -205,7 +205,7 @@ def method_facts(result: Result) -> dict[str, str | bool]:
         "has_skid": "skid_speed" in result.measurements.kind,
         "has_volume": "volume" in result.measurements.kind,
         "ellipse": number(ELLIPSE_95, 4),
-        "significance": f"{significance:g}",
+        "significance": f"{format_digits(significance, 6)}",
         "critical": number(compute_critical_value(significance), 2),
         "noncentrality": number(compute_noncentrality(significance), 2),
         "power": f"{100 * TEST_POWER:.0f} %",

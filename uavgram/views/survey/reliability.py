@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import compute_critical_value, compute_level
 from uavgram.model.arrays import Floats
-from uavgram.model.naming import format_count, join_names
+from uavgram.model.naming import format_count, format_digits, join_names
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
@@ -60,9 +60,6 @@ MAX_UNCHECKED = 6
 
 MAX_MOVED = 5
 """Number of measurements named as moved by a removal."""
-
-LARGE = 1000.0
-"""Size from which on numbers are shown without decimals."""
 
 
 class WeakestLink(NamedTuple):
@@ -183,14 +180,14 @@ def _list_moved(result: Result, one: RemovalRecord) -> str:
 
 
 def second_order_rows(result: Result) -> list[str]:
-    """Describe the measurements for which first order is not good enough, a sentence each."""
+    """Describe the measurements for which the linear model is too rough, a sentence each."""
     second, rows = result.second_order, result.measurements
     if second is None:
         return []
     return [
-        f"{rows.name[i]}: sigma {number(rows.sigma[i])} in first order, "
-        f"{number(second.sigma[i])} in second, mean off by {number(second.bias[i], signed=True)} "
-        f"{UNIT_WORDS.get(rows.unit[i], rows.unit[i])}."
+        f"{rows.name[i]}: ± {number(second.sigma[i])} is more realistic than "
+        f"± {number(rows.sigma[i])} {UNIT_WORDS.get(rows.unit[i], rows.unit[i])}, and the value "
+        f"tends to be off by {number(second.bias[i], signed=True)}."
         for i in np.flatnonzero(second.off)
     ]
 
@@ -211,7 +208,7 @@ def overall_words(result: Result, *, in_statistics: bool = True) -> str:
     together = f"Root mean square errors: {'; '.join(_errors_by_kind(result, checks))}"
     if not in_statistics:
         percent = 100.0 * checks.probability
-        often = f"{percent:.2g}" if percent > 0.1 else "fewer than 0.1"
+        often = format_digits(percent) if percent > 0.1 else "fewer than 0.1"
         often = "nearly 100" if percent > 99 else often
         return f"{together}. Errors as large as these are to be expected in {often} of 100 surveys."
     return (
@@ -239,6 +236,5 @@ def _errors_by_kind(result: Result, checks: ChecksOverall) -> Iterator[str]:
 def _amount(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "–"
-    # three digits, but no exponent for a large number: 4920, not 4.92e+03
-    text = f"{value:.3g}" if abs(value) < LARGE else f"{value:.0f}"
+    text = format_digits(value, 3)
     return text if unit == "1" else f"{text} {UNIT_WORDS.get(unit, unit)}"

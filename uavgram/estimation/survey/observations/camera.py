@@ -40,7 +40,7 @@ class Calibration(Observation):
         LENS,
         "lens calibration",
         plural="values of the camera file",
-        check="its focus, zoom and resolution, and its sigmas",
+        check="its focus, zoom and resolution, and its stated errors",
         is_core=True,
     )
 

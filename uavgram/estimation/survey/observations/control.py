@@ -21,6 +21,7 @@ from uavgram.estimation.survey.observations.observation import (
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.naming import format_misfit
 from uavgram.model.observations import KnownWorldPoints
 
 CONTROL_POINTS = ErrorSource(
@@ -42,7 +43,7 @@ class Control(Observation):
         axes=("east", "north", "up"),
         units=("m",) * 3,
         plural="control points",
-        check="their labels and sigmas",
+        check="their labels and stated errors",
         misfit_code="control-suspect",
         advice="Look at their coordinates, their labels and their picks.",
         is_core=True,
@@ -117,7 +118,8 @@ class Control(Observation):
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a control point that does not fit."""
         off = ", ".join(f"{r:+.3f}" for r in found.off)
-        how, label = f"(w = {found.w:.1f}, found minus known {off} m)", self.label(found.member.row)
+        how = f"(found minus known {off} m, {format_misfit(found.w)})"
+        label = self.label(found.member.row)
         return (
             f"The control point {label!r} does not fit: look at its coordinates, its label and its "
             f"picks {how}.",

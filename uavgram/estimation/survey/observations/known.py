@@ -23,6 +23,7 @@ from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State, unstack
 from uavgram.geometry.ground.conditions import compute_inverse_root
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.naming import format_misfit
 from uavgram.model.observations import KnownThing
 from uavgram.model.survey import Survey
 
@@ -200,7 +201,7 @@ class Known(Observation):
         role="reading",
         rank=2,
         plural="known things",
-        check="their values and sigmas",
+        check="their values and stated errors",
         misfit_code="known-suspect",
         advice="Look at their values, at their points and at their picks.",
         is_core=True,
@@ -291,7 +292,7 @@ class Known(Observation):
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a known thing that does not fit."""
         thing, what = self.thing(found.member.row), self.describe(found.member.row)
-        how = f"{describe_departure(thing, found.off)} (w = {found.w:.1f})"
+        how = f"{describe_departure(thing, found.off)} ({format_misfit(found.w)})"
         given = "value" if thing.position is None else "coordinates"
         return (
             f"The known {what} does not fit: {how}. Look at its {given}, at its points and at "

@@ -31,7 +31,7 @@ from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Remedy, propose_length_removal
-from uavgram.model.naming import format_digits
+from uavgram.model.naming import format_digits, format_misfit
 from uavgram.model.observations import KnownLines
 from uavgram.model.survey import Survey
 
@@ -127,7 +127,7 @@ class Lengths(Observation):
         role="reading",
         rank=1,
         plural="known lengths",
-        check="their readings and sigmas",
+        check="their readings and stated errors",
         misfit_code="line-suspect",
         advice="Look at the readings, at their ends and at their picks.",
         is_core=True,
@@ -215,7 +215,7 @@ class Lengths(Observation):
         error = abs(found.w) * survey.length_sigma_m[line] / np.sqrt(found.redundancy)
         rest = taped + np.copysign(error, found.off[0])
         what = self.describe(found.member.row)
-        how = f"taped {taped:.3f} m, the rest shows {rest:.3f} m (w = {found.w:.1f})"
+        how = f"taped {taped:.3f} m, the rest shows {rest:.3f} m ({format_misfit(found.w)})"
         return (
             f"The length {what} does not fit: {how}. Look at the reading, at its ends and at their "
             f"picks.",
@@ -259,9 +259,10 @@ class TapeScales(Observation):
         what = self.describe(found.member.row)
         size, side = f"{format_digits(100.0 * abs(free))} %", "long" if free > 0 else "short"
         return (
-            f"By all that does not rest on it, {what} seems to be {size} too {side}: compare it "
-            f"with another one, or state how good it is (`tape.scale_sigma`; w = {found.w:.1f}).",
-            f"{what} seems to be {size} too {side} (w = {found.w:.1f})",
+            f"By all other readings, {what} seems to be {size} too {side}: compare it with "
+            f"another one, or state how good it is (`tape.scale_sigma`). This is "
+            f"{format_misfit(found.w)}.",
+            f"{what} seems to be {size} too {side} ({format_misfit(found.w)})",
         )
 
 

@@ -18,6 +18,7 @@ from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Remedy
+from uavgram.model.naming import format_misfit
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ class Kind:
     units: tuple[str, ...] = ("m",)
     plural: str = ""
     check: str = ""
-    advice: str = "Check their values and sigmas in the project."
+    advice: str = "Check their values and stated errors in the project."
     misfit_code: str = "prior-strained"
     is_judged: bool = False
     is_core: bool = False
@@ -281,8 +282,8 @@ class Observation:
         what = self.axis(found.member)
         return (
             f"The assumed {what} does not fit the picks, lengths and log: check its "
-            f"value and sigma in the project (w = {found.w:.1f}).",
-            f"{what} (w = {found.w:.1f})",
+            f"value and its uncertainty in the project ({format_misfit(found.w)}).",
+            f"{what} ({format_misfit(found.w)})",
         )
 
     def several(self) -> str:

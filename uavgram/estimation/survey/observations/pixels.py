@@ -33,6 +33,7 @@ from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Remedy, propose_pick_removal
+from uavgram.model.naming import format_misfit
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -136,7 +137,7 @@ class Pixels(Observation):
         rank=3,
         units=("px", "px"),
         plural="picks",
-        check="their labels and picks_sigma_px",
+        check="their labels and their stated error, `picks_sigma_px`",
         misfit_code="pick-suspect",
         advice="Look at their places and at their labels.",
         is_core=True,
@@ -241,8 +242,7 @@ class Pixels(Observation):
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a pick that does not fit."""
-        u, v = found.off
-        how = f"(w = {found.w:.1f}, residual {u:+.1f}, {v:+.1f} px)"
+        how = f"({np.hypot(*found.off):.1f} px off, {format_misfit(found.w)})"
         frame, label = self.place(found.member.row)
         what = f"{label!r} in {frame!r}"
         return (

@@ -38,6 +38,7 @@ from uavgram.geometry.motion.camera_motion import (
 from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_inverse
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures, TelemetryPrior
+from uavgram.model.naming import format_misfit
 
 FLIGHT_LOG = ErrorSource(
     "flight log",
@@ -56,7 +57,7 @@ class Telemetry(Observation):
         axes=("east", "north", "up", "image x axis", "image y axis", "optical axis"),
         units=("m",) * 3 + ("deg",) * 3,
         plural="positions and directions of the log",
-        check="the gimbal, the times and their sigmas",
+        check="the gimbal, the times and their stated errors",
         misfit_code="telemetry-strained",
         advice="Look at their picks, their times and the gimbal.",
         is_whole=True,
@@ -193,7 +194,7 @@ class Telemetry(Observation):
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a pose that does not fit."""
         frame = self.frame(found.member.row)
-        how = f"{self.kind.axes[found.member.axis]}, w = {found.w:.1f}"
+        how = f"{self.kind.axes[found.member.axis]}, {format_misfit(found.w)}"
         return (
             f"Photo {frame!r} is not where the log has it: {how}. Check its picks, its "
             "time and the gimbal.",
@@ -265,10 +266,11 @@ class ClockDriftPrior(FlightPrior):
         """Describe a misfit that grows over the flight."""
         return (
             "Something that changes steadily from the first photo to the last does not fit "
-            f"(w = {found.w:.1f}). It may be positions of the log that jump or wander, a wrong "
-            "scale of the lengths, ground that is no plane, or the times of the photos: look at "
+            f"({format_misfit(found.w)}). It may be positions of the log that jump or wander, a "
+            "wrong scale of the lengths, ground that is no plane, or the times of the photos: "
+            "look at "
             "these, and at the other messages.",
-            f"{STEADY_CHANGE} (w = {found.w:.1f})",
+            f"{STEADY_CHANGE} ({format_misfit(found.w)})",
         )
 
 
