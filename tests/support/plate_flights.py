@@ -1,6 +1,6 @@
 """Flights over a scene with four coded plates and nothing else that is known.
 
-Corners are seen with the error that the fit of their pictures has (see tests/imaging/plates); all
+Corners are seen with the error that the fit of their pictures has (see
 plates are printed by one printer, whose scale is off by what the project says it may be. Withheld
 points are picked by hand, with the noise that is stated.
 """

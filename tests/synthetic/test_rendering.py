@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from uavgram.geometry.camera.projection import project
-from uavgram.imaging.plates import detect_plates
 from uavgram.imaging.raster import GroundRaster, Image, Painter, make_box
+from uavgram.imaging.targets.plates import detect_plates
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import corner_label
 from uavgram.synthetic.accident_scene import DEMO_POINTS, Mark

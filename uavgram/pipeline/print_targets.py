@@ -11,7 +11,7 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, suggest_spelling
-from uavgram.imaging.plates import (
+from uavgram.imaging.targets.plates import (
     MARGIN_CELLS,
     board_outlines,
     count_plates,

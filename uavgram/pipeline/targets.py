@@ -17,8 +17,8 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, UavgramError
-from uavgram.imaging.plates import detect_board_plate, detect_plates
 from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.plates import detect_board_plate, detect_plates
 from uavgram.imaging.targets.uncoded import Kind, UncodedTarget, measure_uncoded_target
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.imaging.plates import read_cells
 from uavgram.imaging.raster import (
     GroundRaster,
     Image,
@@ -23,6 +22,7 @@ from uavgram.imaging.raster import (
     paint_layer,
     stripe_outline,
 )
+from uavgram.imaging.targets.plates import read_cells
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import PLATE_CORNERS
 from uavgram.synthetic.accident_scene import RoadLayout, ScenePoint, Vehicle

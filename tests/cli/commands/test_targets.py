@@ -14,7 +14,7 @@ from small_projects import Command
 from textured_ground import NAMES, Textured, write_textured
 
 from uavgram.cli import main
-from uavgram.imaging.plates import read_cells
+from uavgram.imaging.targets.plates import read_cells
 from uavgram.io.outputs import ProjectLock
 from uavgram.io.tables.picks import read_picks
 

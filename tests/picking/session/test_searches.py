@@ -12,8 +12,8 @@ import pytest
 from plate_pictures import photo_of, plate_samples, quad
 
 from uavgram.imaging.photos.cache import GreyPhotos
-from uavgram.imaging.plates import read_cells
 from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.plates import read_cells
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.history import Session, apply

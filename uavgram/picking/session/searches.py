@@ -12,8 +12,8 @@ from dataclasses import replace
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError
 from uavgram.imaging.photos.cache import GreyPhotos
-from uavgram.imaging.plates import detect_board_plate, detect_large_plates
 from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.plates import detect_board_plate, detect_large_plates
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.observations import RejectedPlate, SeenPlate
 from uavgram.model.options import TargetOptions

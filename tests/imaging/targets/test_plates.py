@@ -7,8 +7,8 @@ import pytest
 from plate_pictures import photo_of, plate_samples, quad, shadowed
 from scipy.stats import chi2
 
-from uavgram.imaging.plate_fit import Window, fit_plate, fit_with_shadows, render_plate
-from uavgram.imaging.plates import count_plates, detect_plates, read_cells
+from uavgram.imaging.targets.plate_fit import Window, fit_plate, fit_with_shadows, render_plate
+from uavgram.imaging.targets.plates import count_plates, detect_plates, read_cells
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import FAMILIES
 from uavgram.model.observations import RejectedPlate

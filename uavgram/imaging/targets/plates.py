@@ -16,7 +16,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from uavgram.imaging.plate_fit import (
+from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.boards import charuco_board, detect_charuco
+from uavgram.imaging.targets.plate_fit import (
     FIRST_BLUR_PX,
     UNIT_SQUARE,
     PlateFit,
@@ -28,8 +30,6 @@ from uavgram.imaging.plate_fit import (
     plate_weights,
     render_plate,
 )
-from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.boards import charuco_board, detect_charuco
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.board import Board
 from uavgram.model.naming import FAMILIES
