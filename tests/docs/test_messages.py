@@ -38,6 +38,12 @@ MADE = {
 NO_MISFIT = (Effect.NONE, Effect.UNCHECKED)
 """Effects of a note: none, or a reason where the value of a measurement depends on it."""
 
+EXPERT_TERMS = re.compile(
+    r"\bw = |χ²|chi-square|variance factor|redundan|residual(?!s`)|(?<!`)telemetry"
+    r"|(first|second)[- ]order|likelihood|estimator"
+)
+"""Terms of statistics that messages do without: their readers are no surveyors."""
+
 UNRESOLVED = "unresolved"
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+|misfit")
 
@@ -227,6 +233,30 @@ def test_every_entry_is_in_whole_sentences_with_an_action_where_one_is_due() -> 
             assert text == "" or re.fullmatch(r"[A-Z`](?!.*  ).*[.)]", text)
         assert entry.finding, entry.code
         assert entry.action or entry.levels == ("info",), entry.code
+
+
+def literals_of(source: Source) -> Iterator[str]:
+    """Texts in a module, without its docstrings."""
+    tree = ast.parse(source.text)
+    alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
+            yield node.value
+
+
+def test_messages_do_without_terms_of_statistics(repository: Path) -> None:
+    """The glossary has a layman's word for each."""
+    texts = {
+        text
+        for source in sources(repository / "uavgram")
+        if source.says()
+        for text in literals_of(source)
+        if " " in text  # no key or code
+    }
+    for entry in CATALOGUE.values():
+        texts |= {entry.finding, entry.consequence, entry.action, entry.one, entry.several}
+
+    assert [text for text in sorted(texts) if EXPERT_TERMS.search(text)] == []
 
 
 def test_what_an_entry_refers_to_exists() -> None:

@@ -1,8 +1,8 @@
 """Flights over a scene with four coded plates and nothing else that is known.
 
-Corners are seen with the error that the fit of their pictures has (see
-plates are printed by one printer, whose scale is off by what the project says it may be. Withheld
-points are picked by hand, with the noise that is stated.
+Corners are seen with the error that the fit of their pictures has (see tests of
+imaging/targets/plates); all plates are printed by one printer, whose scale is off by what the
+project says it may be. Withheld points are picked by hand, with the noise that is stated.
 """
 
 from __future__ import annotations

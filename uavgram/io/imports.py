@@ -320,8 +320,8 @@ def _zero_heights(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> list[Messa
     which = "all points" if len(without) == len(rows) else f"points {', '.join(without)}"
     text = (
         f"{path.name}: {which} have the height 0, which programs write where they know none: the "
-        f"heights got a sigma of {UNKNOWN_HEIGHT_SIGMA_M:g} m, so they have no effect. If they are "
-        "true, state their sigma with --control-sigma-up-m; else write the heights "
+        f"heights count as ± {UNKNOWN_HEIGHT_SIGMA_M:g} m, so they have no effect. If they are "
+        "true, state how exact they are with --control-sigma-up-m; else write the heights "
         "into the table."
     )
     return [Message("warning", "gcp-zero-heights", text)]

@@ -90,8 +90,8 @@ def find_missing_inputs(inputs: Inputs) -> Iterator[Message]:
         yield Message("warning", "no-scale", text)
     elif not known:
         text = (
-            "No length on the ground is known: the telemetry alone decides the scale. A few taped "
-            "lengths make the measurements far better."
+            "No length on the ground is known: the positions of log or photos alone decide the "
+            "scale. A few taped lengths make the measurements far better."
         )
         yield Message("info", "no-known-length", text)
 

@@ -281,7 +281,7 @@ CALIBRATION = (
     Entry(
         "corner-sigma-scaled",
         NOTE,
-        finding="The sigmas of the corners were scaled by their residuals.",
+        finding="The stated errors of the corners were replaced by those that the photos show.",
     ),
     Entry(
         "corner-common-error",

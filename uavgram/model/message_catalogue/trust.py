@@ -169,7 +169,7 @@ TRUST = (
             "stated."
         ),
         consequence="All uncertainties were widened accordingly.",
-        action="Check those with the largest residuals: an object may have moved.",
+        action="Check those that are furthest off: an object may have moved.",
     ),
     Entry(
         "picks-more-exact",

@@ -208,8 +208,8 @@ def _judged(calibration: Calibration) -> list[Message]:
     sigma = np.sqrt(calibration.covariance.diagonal())
     if not sigma.any():
         text = (
-            "The file states no errors, so the camera counts as known exactly: the sigmas of all "
-            "measurements are too small by what it really lacks. Calibrate it."
+            "The file states no errors, so the camera counts as known exactly: the ± of all "
+            "measurements are too small by the camera's real error. Calibrate it."
         )
         return [Message("warning", "camera-exact", text)]
     messages = []

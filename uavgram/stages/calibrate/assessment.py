@@ -360,7 +360,7 @@ def _verdicts(judged: AssessedCalibration) -> tuple[tuple[Status, ...], tuple[st
             continue
         status.append("removed" if judged.removed[i] else "suspect")
         if size[i] > MAX_RELATIVE_RESIDUAL:
-            reason.append(f"its residuals are {size[i]:.1f} times those of the median photo")
+            reason.append(f"its corners are {size[i]:.1f} times as far off as in the median photo")
         else:
             reason.append(f"{gone[i]} of its corners do not fit")
     return tuple(status), tuple(reason)

@@ -283,17 +283,16 @@ def _on_the_covariance(judged: AssessedCalibration, result: CalibrationResult) -
         yield Message(
             "info",
             "corner-sigma-scaled",
-            f"Residuals are {format_digits(quality.sigma_scale)} times as large as the corners' "
-            f"own "
-            f"sigmas predict: those were scaled to {format_digits(quality.sigma_px)} px.",
+            f"The corners' errors are {format_digits(quality.sigma_scale)} times as large as they "
+            f"state themselves: ± {format_digits(quality.sigma_px)} px is used.",
         )
     elif result.options.corner_sigma == "given" and quality.chi2_probability < 0.001:
         yield Message(
             "warning",
             "corner-sigma-too-small",
-            "The camera's sigmas are too small, as the corners fit worse than their own sigmas "
-            "predict. Use corner_sigma: residuals (variance factor "
-            f"{format_digits(quality.variance_factor)}).",
+            "The stated errors of the camera are too small, as the corners fit worse than stated: "
+            f"their errors are {format_digits(quality.variance_factor**0.5)} times as large. Use "
+            "`corner_sigma: residuals`.",
         )
 
 
@@ -312,8 +311,8 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
         yield Message(
             "info",
             "correlated-parameters",
-            f"Strongly correlated: {', '.join(strong)}. Their sigmas mean little one by one: use "
-            "them with the covariance.",
+            f"Known only in combination: {', '.join(strong)}. The ± of a single one means little. "
+            "The camera file has their joint errors, so the results are right.",
         )
     fx, fy = camera.parameters[:2]
     if result.options.aspect is None and abs(fx / fy - 1) > SQUARE_PIXELS:

@@ -525,7 +525,7 @@ FACTOR_SIGMAS = 3.0
 ADVICE = {
     "hand": "Check whether each label is at the same place in all photos.",
     "target": "Check whether the plates were flat and did not move.",
-    "match": "Look at those with the largest residuals.",
+    "match": "Look at those that are furthest off.",
     "tie": "Something may have moved between the photos.",
 }
 """Where to look for the reason of larger errors than stated."""

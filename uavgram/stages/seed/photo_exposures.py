@@ -140,9 +140,9 @@ def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> Iterator[
     text = (
         "The photos' positions are better than the project lets them be: they "
         f"state {horizontal:.2f} m horizontal and {vertical:.2f} m vertical, "
-        f"but telemetry.position_bias_sigma_m lets all of them be off together by {bias[0]:g} and "
-        f"{bias[1]:g} m: with a base station of known place, set it to [{horizontal:.2f}, "
-        f"{vertical:.2f}]."
+        f"but the project lets all of them be off together by {bias[0]:g} and {bias[1]:g} m. With "
+        "a base station of known place, set `telemetry.position_bias_sigma_m` to "
+        f"[{horizontal:.2f}, {vertical:.2f}]."
     )
     yield Message("info", "position-bias-wide", text)
 

@@ -203,7 +203,7 @@ def make_plan(scenario: Scenario, asked: Asked, progress: Progress = silent) -> 
     except SingularError as fault:
         raise GeometryError(
             f"with {len(ends)} reference {choice.laid} the positions of the photos are not "
-            "determined: allow more (lines), or fly with a log (telemetry)"
+            "determined: allow more (lines), or fly with a log (`telemetry`)"
         ) from fault
     lines = list_planned_lines(scene, choice, layout.lines, found)
     plates = list_planned_plates(scene, choice, layout.lines)
