@@ -26,10 +26,10 @@ from raised_survey import RAISED, raised
 from unsure import unsure
 
 from uavgram.io.exports.dxf import write_dxf
+from uavgram.io.exports.geojson_kml import dump_geojson, write_kml, write_layers_geojson
 from uavgram.io.exports.gis import write_geopackage
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list
-from uavgram.io.exports.web_maps import dump_geojson, write_kml, write_layers_geojson
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Features

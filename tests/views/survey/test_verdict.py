@@ -11,8 +11,8 @@ import synthetic_survey as survey
 from html_page import Page
 from unsure import unsure
 
+from uavgram.io.exports.geojson_kml import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
-from uavgram.io.exports.web_maps import dump_geojson
 from uavgram.io.results.results_json import dump_verdict, load_verdict
 from uavgram.model.message import Message, Remedy
 from uavgram.model.result.reliability import Reason, Verdict

@@ -12,11 +12,11 @@ from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.exports.dxf import place_texts, write_dxf
 from uavgram.io.exports.dxf_layers import NumberFormat
+from uavgram.io.exports.geojson_kml import write_geojson, write_kml
 from uavgram.io.exports.geotiff import add_opacity, write_turned_picture
 from uavgram.io.exports.gis import GROUND, write_geopackage, write_qgis_project
 from uavgram.io.exports.measurements_csv import write_measurements_csv, write_profiles_csv
 from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list, write_geo_txt
-from uavgram.io.exports.web_maps import write_geojson, write_kml
 from uavgram.io.files import photo_files
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import GeoTags, PoseChoice

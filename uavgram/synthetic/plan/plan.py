@@ -10,8 +10,8 @@ import numpy as np
 
 from uavgram.errors import GeometryError, InputError
 from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.io.exports.geojson_kml import write_kml, write_layers_geojson
 from uavgram.io.exports.missions import qgc_plan_text, waypoints_text
-from uavgram.io.exports.web_maps import write_kml, write_layers_geojson
 from uavgram.io.outputs import convert_output_errors, replace_bytes, replace_text, stage_output
 from uavgram.io.results.command_json import write_plan
 from uavgram.model.arrays import Floats

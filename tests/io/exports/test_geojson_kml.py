@@ -19,8 +19,8 @@ from pyproj import Geod
 
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.io.exports.dxf import write_dxf
+from uavgram.io.exports.geojson_kml import dump_geojson, write_geojson, write_kml
 from uavgram.io.exports.gis import write_geopackage, write_qgis_project
-from uavgram.io.exports.web_maps import dump_geojson, write_geojson, write_kml
 from uavgram.model.maps import Features, Layer, LayerStyle
 from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind
 from uavgram.model.result.result import Result
