@@ -88,7 +88,7 @@ def test_the_assumed_camera_says_its_source_and_what_a_calibration_would_gain(
     assert messages["camera-assumed"].level == "warning"
     assert "the table of drone cameras (DJI Mavic Pro" in messages["camera-assumed"].text
     assert re.search(r"2971 ± 238 px \(8\.0 %\)", messages["camera-assumed"].text)
-    assert "a calibration would bring" in messages["camera-assumed"].text
+    assert "with a calibration the focal length would be known" in messages["camera-assumed"].text
 
 
 def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(

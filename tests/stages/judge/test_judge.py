@@ -230,7 +230,7 @@ def test_residuals_are_those_of_the_result_whatever_was_learnt(
     np.testing.assert_allclose(picks.residual_px, there - survey.pixel_px, atol=1e-6)
     said = {message.code: message.text for message in judge_suspects(given)}
     u, v = picks.residual_px[17]
-    assert f"residual {u:+.1f}, {v:+.1f} px" in said["pick-suspect"]
+    assert f"{np.hypot(u, v):.1f} px off" in said["pick-suspect"]
     (shown,) = re.findall(r"the rest shows ([0-9.]+) m", said["line-suspect"])
     assert float(shown) == pytest.approx(scene.survey.length_m[2], abs=0.05)  # before the error
 

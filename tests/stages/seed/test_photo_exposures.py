@@ -145,7 +145,7 @@ def test_a_bias_that_drowns_rtk_is_told(make_poses: Callable[..., PhotoPoses]) -
     _, messages = place(poses)
 
     assert [m.code for m in messages] == ["position-bias-wide"]
-    assert "set it to [0.05, 0.10]" in messages[0].text
+    assert "to [0.05, 0.10]" in messages[0].text
     _, quiet = place(poses, telemetry=TelemetryOptions(position_bias_sigma_m=(0.05, 0.1)))
     assert quiet == ()
 
