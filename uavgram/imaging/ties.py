@@ -193,10 +193,11 @@ def match_features(one: Features, other: Features, guide: Guide | None = None) -
     here = np.arange(len(rows))
     best = likeness.argmax(axis=1)
     first = likeness[here, best].copy()
-    back = likeness.argmax(axis=0)
+    # a column's largest value is found along the rows in memory, its row 25 times more slowly
+    mutual = first == likeness.max(axis=0)[best]
     second = _find_second_best(likeness, best, other.pixel_px)
     near = _square(first)
-    good = (near < MAX_RATIO**2 * _square(second)) & (near < MAX_DISTANCE) & (back[best] == here)
+    good = (near < MAX_RATIO**2 * _square(second)) & (near < MAX_DISTANCE) & mutual
     # where the prediction is wrong, the true match is outside the radius and much more similar
     good &= MAX_RATIO**2 * near <= nearest
     return np.stack([rows[good], best[good]], axis=1)
@@ -210,7 +211,7 @@ def _find_second_best(
     left, trial = np.arange(len(best)), best
     for _ in range(4):  # a place has at most a few descriptors
         likeness[left, trial] = _NONE
-        trial = likeness[left].argmax(axis=1)
+        trial = (likeness if len(left) == len(best) else likeness[left]).argmax(axis=1)
         second[left] = likeness[left, trial]
         again = np.abs(place[trial] - place[best[left]]).max(axis=1) < SAME_PX
         again &= second[left] > 0
