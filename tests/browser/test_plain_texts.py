@@ -95,7 +95,7 @@ def test_statistics_in_a_warning_are_explained_where_the_pointer_rests(
             page = open_page(server, *window)
             wait_until_adjusted(page)
             page.locator("#why-title").click()
-            terms = re.compile(r"\bsigmas?\b|\bw\b|variance factor|chi-square")
+            terms = re.compile(r"\bsigmas?\b|expected error")
             told = page.locator("#reasons li").filter(has_text=terms)
             expect(told.first).to_be_visible()
             for one in told.all():

@@ -16,7 +16,7 @@ const TERMS = {
 };
 
 /** Terms in sentences. @type {Record<string, string>} */
-const STATISTICS = { sigma: SIGMA, w: MISFIT, "variance factor": "how much larger misfits are than stated errors explain; 1 is as stated", "chi-square": "the squares of all misfits together, which chance alone makes about as many as there are values" };
+const STATISTICS = { sigma: SIGMA, "expected error": MISFIT };
 
 /** Explains the terms in a sentence. @param {string} text */
 export const explained = (text) => Object.entries(STATISTICS).flatMap(([term, words]) => (new RegExp(`\\b${term}s?\\b`).test(text) ? [`${term}: ${words}`] : [])).join("\n") || null;
