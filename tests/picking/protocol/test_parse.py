@@ -147,7 +147,9 @@ def test_the_page_takes_the_names_that_the_readers_take(length: int, tmp_path: P
         assert page_takes(message) == reader_takes(read, path, table) == (length <= LONGEST_NAME)
 
 
-@pytest.mark.parametrize(("value", "words"), [(0.0, "greater than 0"), (1e7, "between 0.000001 and")])
+@pytest.mark.parametrize(
+    ("value", "words"), [(0.0, "greater than 0"), (1e7, "between 0.000001 and")]
+)
 def test_project_file_table_and_page_refuse_a_sigma_in_the_same_words(
     value: float, words: str, tmp_path: Path
 ) -> None:
