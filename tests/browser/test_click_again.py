@@ -11,11 +11,20 @@ from large_photos import write_large_project
 from opened_pages import PageOpener
 from picking_pages import eventually, place, to_page, wait_until_adjusted
 from picking_server import served
-from playwright.sync_api import expect
+from playwright.sync_api import Locator, Page, expect
 
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
+
+LOADED = "all => all.length > 0 && all.every(one => one.naturalWidth > 0)"
+MIDDLE = """box => {
+  const tile = box.querySelector("img");
+  const [, column, row] = /(\\d+)\\/(\\d+)\\.jpg/.exec(tile.src);
+  const at = (number, offset, side) => number * 512 - parseFloat(offset) + side / 2 - 0.5;
+  return [at(column, tile.style.left, box.clientWidth), at(row, tile.style.top, box.clientHeight)];
+}"""
+"""The pixel of the photo in the middle of a small picture, by its first tile."""
 
 PLACES = {"New": (700.0, 500.0), "Other": (900.0, 640.0)}
 
@@ -30,6 +39,26 @@ def unchecked(result: Result) -> Result:
         measurements=("D1",),
     )
     return replace(result, verdict=Verdict(level="amber", reasons=(reason,)))
+
+
+def check_picture(page: Page, label: str) -> None:
+    """The surroundings of the first click are shown, without its mark and not quite around it."""
+    crop = page.locator("#notice").get_by_role("img", name=f"Surroundings of {label}")
+    expect(crop).to_be_visible()
+    side = crop.evaluate("box => getComputedStyle(box, '::after').content")
+    assert side in {"none", "normal"}  # no ring in its middle
+    eventually(page, lambda: bool(crop.locator("img").evaluate_all(LOADED)))
+    u, v = crop.evaluate(MIDDLE)
+    away = max(abs(u - PLACES[label][0]), abs(v - PLACES[label][1]))
+    assert 0.0 < away < 10.0
+    page.mouse.click(*centre(crop))  # is no click in the photo
+    expect(page.locator("#notice")).to_contain_text(f"Click {label} again")
+
+
+def centre(crop: Locator) -> tuple[float, float]:
+    box = crop.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
 def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
@@ -56,6 +85,7 @@ def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
         for label, (u, v) in PLACES.items():
             expect(page.locator("#notice")).to_contain_text(f"Click {label} again")
             assert not any(mark.is_visible() for mark in marks.all())
+            check_picture(page, label)
             page.mouse.click(*to_page(page, u + 1.0, v - 1.0))
         expect(page.locator("#notice")).to_contain_text("All were clicked again")
         expect(page.locator('.mark[data-label="New"]')).to_be_visible()

@@ -119,7 +119,11 @@ def test_what_is_in_the_way_is_said_in_plain_words(
     expect(page.locator("#setup")).to_contain_text("several sizes")
     page.get_by_role("radio", name="Another angle").check()
     page.get_by_role("button", name="Begin").click()
-    expect(page.locator("#trouble")).to_contain_text("how many degrees below the horizon")
+    at_field = page.locator(".at-field")
+    expect(at_field).to_contain_text("Enter how many degrees below the horizon")
+    page.get_by_role("textbox", name="Degrees below the horizon").fill("120")
+    page.get_by_role("button", name="Begin").click()
+    expect(at_field).to_contain_text("120 degrees below the horizon is not possible")
     page.get_by_role("radio", name="As recorded").check()
 
     real = Path.open
@@ -344,10 +348,39 @@ def test_a_wrong_date_is_refused_at_its_field_and_a_turned_camera_is_set(
         "Date: there is no such date as 31.02.2026: check day and month."
     )
     expect(page.get_by_label("Date")).to_be_focused()
-    assert not (home / "flight" / "project.yaml").exists()
+    page.get_by_label("Date").fill("gestern")
+    page.get_by_label("A reading of the tape").fill("500")
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator(".at-field")).to_have_text(
+        "Date: gestern is no date: write day, month and year, such as 2026-05-09."
+    )
     page.get_by_label("Date").fill("28.02.2026")
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator(".at-field")).to_contain_text("5 m is not possible")
+    expect(page.get_by_label("A reading of the tape")).to_be_focused()
+    page.get_by_label("A reading of the tape").fill("1")
+    assert not (home / "flight" / "project.yaml").exists()
     page.get_by_role("button", name="Begin").click()
     expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
     project = load_project(home / "flight", unfinished=True)
     assert (project.mount.yaw_deg, project.mount.pitch_deg) == (270.0, -45.0)
     assert project.case.date == "28.02.2026"
+
+
+@pytest.mark.parametrize("has_log", [False, True])
+def test_the_set_up_reads_the_same_before_and_after_the_project_is_made(
+    home: Path, data_dir: Path, page: Page, *, has_log: bool
+) -> None:
+    if has_log:
+        shutil.copy(data_dir / "street_oblique" / "flight.tlog", home / "flight")
+    page.get_by_role("button", name="Use flight").click()
+    page.get_by_role("radio", name="As recorded").check()
+    boxes = page.locator("#setup fieldset:not(:has-text('Also found'))")
+    expect(page.get_by_role("group", name="Tape")).to_be_visible()
+    before = boxes.all_inner_texts()
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
+    page.get_by_role("tab", name="Camera").click()
+    page.get_by_role("button", name="Change camera, mount").click()
+    expect(page.get_by_role("group", name="Tape")).to_be_visible()
+    assert boxes.all_inner_texts() == before

@@ -7,6 +7,7 @@ import pytest
 from uavgram.model.limits import (
     comma_question,
     find_date_fault,
+    find_value_fault,
     has_decimal_comma,
     number_hint,
     replace_decimal_comma,
@@ -79,3 +80,14 @@ def test_dates_and_other_texts_have_no_fault(text: str) -> None:
 @pytest.mark.parametrize("text", ["31.02.", "31.02.2026", "2026-02-31", "02/31/2026", "29.02.2026"])
 def test_a_date_that_does_not_exist_is_named(text: str) -> None:
     assert find_date_fault(text) == f"there is no such date as {text}: check day and month"
+
+
+@pytest.mark.parametrize("text", ["gestern", "Monday", "?"])
+def test_a_text_without_a_number_is_no_date(text: str) -> None:
+    assert find_date_fault(text).startswith(f"{text} is no date: write day, month and year")
+
+
+def test_a_tape_is_not_read_to_metres() -> None:
+    assert find_value_fault("reading_sigma_m", 5.0) == "must lie between 1e-06 and 1"
+    assert find_value_fault("reading_sigma_m", 0.5) == ""
+    assert find_value_fault("sigma_m", 5.0) == ""  # of a distance that was paced

@@ -29,8 +29,11 @@ SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 Weights beyond them make the other terms of a sum lose all their digits.
 """
 
+LARGEST_READING_SIGMA_M = 1.0
+"""Largest standard deviation of a tape reading: a larger one is in another unit than metres."""
 
 RANGES = (
+    (re.compile(r"^reading_sigma_m$"), SMALLEST_SIGMA, LARGEST_READING_SIGMA_M),
     (re.compile(r"sigma|straightness"), SMALLEST_SIGMA, LARGEST_SIGMA),
     (re.compile(r"latitude_deg$"), -90.0, 90.0),
     (re.compile(r"longitude_deg$"), -360.0, 360.0),
@@ -136,7 +139,9 @@ _DATE = re.compile(r"(\d{1,4})([-./])\s*(\d{1,2})(?:\2\s*(\d{2,4})?)?")
 
 
 def find_date_fault(text: str) -> str:
-    """Return why a text in the form of a date is none; empty for dates and for all other texts."""
+    """Return why a text is no date; empty for dates, in any words with numbers, and for no text."""
+    if text.strip() and not any(map(str.isdigit, text)):
+        return f"{text.strip()} is no date: write day, month and year, such as 2026-05-09"
     written = _DATE.fullmatch(text.strip())
     if written is None:
         return ""

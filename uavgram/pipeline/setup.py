@@ -126,7 +126,7 @@ class FolderSummary:
     has_project
         Whether it holds a project already.
     photos, cameras, logs, poses, gcp_lists, tables
-        Usable files.
+        Usable files; with a project, `poses` are those that it names.
     unusable
         Messages on files with the names of photos, logs or tables that cannot be used.
     passed_over
@@ -209,7 +209,7 @@ def inspect_folder(folder: Path) -> FolderSummary:
         ),
         cameras=tuple(_cameras(folder, holdings)),
         logs=_names(folder, holdings.logs),
-        poses=_names(folder, holdings.poses),
+        poses=_poses(folder, holdings.poses, project),
         gcp_lists=_names(folder, holdings.gcp_lists),
         tables=_names(folder, tuple(sorted(tables))),
         unusable=tuple(one.text for one in order_messages(*report_unusable(folder, holdings))),
@@ -224,6 +224,12 @@ def inspect_folder(folder: Path) -> FolderSummary:
 
 def _names(folder: Path, paths: tuple[Path, ...]) -> tuple[str, ...]:
     return tuple(path.relative_to(folder).as_posix() for path in paths[:MAX_NAMES])
+
+
+def _poses(folder: Path, found: tuple[Path, ...], project: Project | None) -> tuple[str, ...]:
+    if project is None:
+        return _names(folder, found)
+    return tuple(_inside(folder, one) for one in project.pose_sources if one != FROM_PHOTOS)
 
 
 def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents, kind: int) -> FoundPhotos:

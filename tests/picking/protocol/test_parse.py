@@ -14,7 +14,7 @@ from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.limits import LONGEST_NAME
-from uavgram.model.options import OptionsError, TapeOptions
+from uavgram.model.options import OptionsError, TimeOptions
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.history import apply_change
@@ -160,7 +160,7 @@ def test_project_file_table_and_page_refuse_a_sigma_in_the_same_words(
     with pytest.raises(RefusedError) as on_page:
         parse_message(json.dumps({"seq": 1} | LINE | {"sigma_m": value}), PHOTOS)
     with pytest.raises(OptionsError) as in_project:
-        TapeOptions(reading_sigma_m=value)
+        TimeOptions(offset_sigma_s=value)
 
     assert words in on_page.value.args[0]
     said = str(on_page.value.args[0]).removeprefix("sigma ")

@@ -197,7 +197,7 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
         assert (tmp_path / said["file"]).is_file()
         assert project.read_text(encoding="utf-8") == before  # only when asked to
         assert ask_project(page, "calibrate", **asked)["t"] == "done"
-        ask_project(page, "stop-calibration")
+        ask_project(page, "stop-work", work="calibration")
         assert until_calibrated(page)["state"] == "failed"
         assert ask_project(page, "use-camera")["t"] == "done"  # the one that was made before
     changed = before.replace("camera: camera.yaml", "camera: calibration/camera.yaml")
@@ -239,7 +239,7 @@ def test_a_calibration_that_finds_no_board_or_is_stopped_leaves_nothing(
         assert "board" in said["why"]
         again = ask_project(page, "calibrate", **{**other, "board": "chessboard:9x6:25mm"})
         assert again["t"] == "done", again
-        ask_project(page, "stop-calibration")
+        ask_project(page, "stop-work", work="calibration")
         said = until_calibrated(page)
         assert said["state"] == "failed"
         assert "stopped" in said["why"]

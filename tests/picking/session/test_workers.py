@@ -68,7 +68,10 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
         answers: Answers = []
         stand_in = cast("LiveSurvey", survey)  # has all that the workers ask for
         live = AdjustmentWorkers(
-            stand_in, {"1.jpg": 0}, lambda version, said: answers.append((version, said))
+            stand_in,
+            {"1.jpg": 0},
+            lambda version, said: answers.append((version, said)),
+            lambda _: None,
         )
         live.start()
         running.append(live)

@@ -18,6 +18,8 @@ from uavgram.model.camera import LensModel
 from uavgram.model.observations import Along, MeasurementKind, Source
 
 Target = Literal["any", "target"]
+Work = Literal["adjustment", "calibration", "results"]
+"""Long work that is shown on the page and can be stopped."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -290,8 +292,10 @@ class Calibrate:
 
 
 @dataclass(frozen=True)
-class StopCalibration:
-    """Stop the running calibration."""
+class StopWork:
+    """Stop the adjustment, the calibration, or the writing of results."""
+
+    work: Work
 
 
 @dataclass(frozen=True)
@@ -327,7 +331,7 @@ ProjectAction = (
     | DiscardAside
     | Folders
     | Calibrate
-    | StopCalibration
+    | StopWork
     | UseCamera
 )
 Question = Snap | SameGround | SideView | Ties

@@ -15,6 +15,7 @@ import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
 import { goOn } from "./door/server.js";
+import { typedForm } from "./panel/entry.js";
 import { unfold } from "./panel/first_steps.js";
 import { Header } from "./panel/header.js";
 import { Panel, TABS } from "./panel/panel.js";
@@ -38,7 +39,7 @@ class App {
     this.state = new PageState();
     this.header = new Header(() => { if (store.begun) this.panel.showTrust(); });
     this.notice = new Notice(byId("notice"));
-    this.link = new Link((message, change) => this.received(message, change), (open) => this.connected(open));
+    this.link = new Link((message, change) => this.received(message, change), (open) => this.connected(open), (isSilent) => this.silent(isSilent));
     const { state, link, notice } = this;
     this.panes = new Panes({
       state, link, notice, events: {
@@ -90,6 +91,7 @@ class App {
     buildHelp(as(HTMLDialogElement, byId("help")), () => this.showSteps());
     listenToKeys({ state, panes, tools, navigation, project, setPanes });
     for (const end of ["visibilitychange", "pagehide"]) addEventListener(end, () => this.keep()); // browsers differ in which comes last
+    addEventListener("beforeunload", (event) => { if (typedForm() ?? this.link.unconfirmed.length) event.preventDefault(); }); // the browser asks
   }
 
   // Messages from the server.
@@ -127,6 +129,13 @@ class App {
     } else this.losing ||= setTimeout(() => { store.gone = true; this.panel.showFoot(); }, GONE_AFTER_MS);
     this.header.showMode();
     if (store.begun) this.refreshSoon(ALL);
+  }
+
+  /** @param {boolean} isSilent */
+  silent(isSilent) {
+    if (store.silent === isSilent) return;
+    store.silent = isSilent;
+    this.panel.showFoot();
   }
 
   // Restores the fields, so that refused input is not shown as valid.

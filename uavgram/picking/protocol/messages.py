@@ -16,7 +16,7 @@ from uavgram.model.naming import Units
 from uavgram.model.observations import MeasurementKind, Source
 from uavgram.model.options import Auto
 from uavgram.model.result.reliability import MeasurementStatus, VerdictLevel
-from uavgram.picking.document.commands import SingleChange
+from uavgram.picking.document.commands import SingleChange, Work
 from uavgram.picking.document.state import Line
 from uavgram.pipeline.setup import FoundCamera, FoundPhotos
 
@@ -631,6 +631,7 @@ class InitialState(PickingState):
     outside: list[str]
     aside: int | None
     calibration: Calibration | None
+    stages: dict[Work, str]
 
 
 class Changed(Standing):
@@ -675,10 +676,11 @@ class NewOutputs(Sent):
     outputs: Outputs
 
 
-class Writing(Sent):
-    """Stage of the writing of outputs that goes on; empty: it has ended."""
+class WorkStage(Sent):
+    """Stage of long work; empty: it has ended."""
 
-    t: Literal["writing"]
+    t: Literal["work"]
+    kind: Work
     stage: str
 
 
@@ -779,7 +781,7 @@ Answers = TypedDict(
         "reload": Done,
         "leave-out": Done,
         "calibrate": Done,
-        "stop-calibration": Done,
+        "stop-work": Done,
         "use-camera": Done,
         "take-aside": Done,
         "discard-aside": Done,
@@ -799,7 +801,7 @@ ServerMessage = (
     | Saved
     | Outside
     | NewOutputs
-    | Writing
+    | WorkStage
     | NewProposals
     | Answer
     | ActionAnswer

@@ -99,6 +99,7 @@ class _PageTypes:
             MeasurementKind: "Kind",
             Source: "Source",
             c.Target: "Target",
+            c.Work: "Work",
         }
 
     def alias(self, name: str, union: Any) -> str:  # noqa: ANN401  (a type)

@@ -354,6 +354,7 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "folder": lambda f: f.integer("folder"),
     "board": lambda f: f.text("board"),
     "model": lambda f: f.choice("model", _MODELS),
+    "work": lambda f: f.choice("work", get_args(c.Work)),
 }
 
 # Fields that have another meaning in one command.
@@ -388,7 +389,7 @@ KINDS: dict[str, type[Body]] = {
     "discard-aside": c.DiscardAside,
     "folders": c.Folders,
     "calibrate": c.Calibrate,
-    "stop-calibration": c.StopCalibration,
+    "stop-work": c.StopWork,
     "use-camera": c.UseCamera,
     "snap": c.Snap,
     "ground": c.SameGround,

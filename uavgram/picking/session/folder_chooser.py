@@ -28,6 +28,7 @@ from uavgram.model.limits import (
     find_date_fault,
     find_unshowable,
     find_value_fault,
+    range_of,
 )
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
@@ -321,7 +322,7 @@ def _parse_setup(fields: dict[str, Any], found: FolderSummary) -> SetupChoices:
         ),
         setup=_setup(fields["setup"], found.setup),
         gcp_list=named["gcp_list"],
-        gcp_sigma_m=_sigma(fields.get("gcp_sigma_m", 0.02), "how well points are known"),
+        gcp_sigma_m=_sigma(fields.get("gcp_sigma_m", 0.02), "sigma_m", "gcp_sigma", "2 cm"),
     )
 
 
@@ -340,7 +341,9 @@ def _setup(said: object, before: Setup) -> Setup:
         pitch_deg=_pitch(said.get("pitch_deg", "auto")),
         yaw_deg=_turn(said.get("yaw_deg", "auto"), "yaw"),
         roll_deg=_turn(said.get("roll_deg", "auto"), "roll"),
-        reading_sigma_m=_sigma(said.get("reading_sigma_m", 0.01), "how well the tape is read"),
+        reading_sigma_m=_sigma(
+            said.get("reading_sigma_m", 0.01), "reading_sigma_m", "sigma", "1 cm"
+        ),
         units=SHORT_FORMS[units] if units else before.units,
         case=replace(before.case, **texts),
     )
@@ -351,9 +354,10 @@ def _pitch(said: object) -> float | Auto:
         return "auto"
     value = _number(said, "the camera's angle")
     if not -90.0 <= value <= 30.0:
-        raise RefusedError(
-            f"The camera's angle: {-value:g} degrees below the horizon is not possible. Straight "
-            "down is 90, forward is 0."
+        raise _of_field(
+            "pitch_below",
+            f"{-value:g} degrees below the horizon is not possible: straight down is 90, forward "
+            "is 0.",
         )
     return value
 
@@ -373,10 +377,16 @@ def _of_field(field: str, text: str) -> RefusedError:
     return fault
 
 
-def _sigma(said: object, what: str) -> float:
-    value = _number(said, what)
-    if fault := find_value_fault("sigma", value):
-        raise RefusedError(f"{what} {fault}")
+def _sigma(said: object, key: str, field: str, example: str) -> float:
+    """Check how far a value may be wrong, as for a key of a project file."""
+    value = _number(said, field)
+    if find_value_fault(key, value):
+        most = range_of(key)[1]
+        raise _of_field(
+            field,
+            f"{value:g} m is not possible: enter how far a value may be wrong, such as {example}, "
+            f"and at most {most:g} m.",
+        )
     return value
 
 

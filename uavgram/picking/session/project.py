@@ -14,13 +14,13 @@ from anyio import to_thread
 
 from uavgram.errors import UavgramError
 from uavgram.io.photos.catalogue import UnusablePhotosError
-from uavgram.model.work import watch_work
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.calibration_job import CalibrationJob
 from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.session import PickSession
+from uavgram.picking.session.watched_work import WatchedWork
 from uavgram.picking.storage.journal import Changes, SetAside, find_oldest, list_changes
 from uavgram.picking.storage.tables import FileWatch, Tables
 from uavgram.pipeline.calibrate import use_camera
@@ -30,17 +30,8 @@ from uavgram.pipeline.setup import change_left_out
 
 log = logging.getLogger(__name__)
 
-SHOW_EVERY_S = 0.3
-"""Shortest time between two messages on a loop [s]."""
-
-STOPPED = "Stopped: nothing was written. Earlier results are unchanged."
-
 Run = Callable[[], object]
 Keep = Callable[[Inputs], Tables]
-
-
-class _StoppedError(BaseException):
-    """A person stopped the run: it is no fault that a stage could mend."""
 
 
 class OpenProject:
@@ -76,7 +67,7 @@ class OpenProject:
         self._written_then = self._describe_outputs()
         self._aside = find_oldest(self.outputs.folder)
         self.refuses = ""
-        self._is_stopped = False
+        self._writing = WatchedWork("results", broadcast)
 
     def open(self) -> None:
         """Start the picking session."""
@@ -85,7 +76,12 @@ class OpenProject:
     @property
     def is_busy(self) -> bool:
         """Return whether outputs are being written, or a camera calibrated."""
-        return self._busy.locked() or self.calibration.is_busy
+        return self.reads_tables or self.calibration.is_busy
+
+    @property
+    def reads_tables(self) -> bool:
+        """Return whether a run or a reload uses the tables, so that none is written meanwhile."""
+        return self._busy.locked()
 
     async def close(self, *, waits: bool) -> None:
         """Stop all work, save everything, and release the project.
@@ -114,6 +110,7 @@ class OpenProject:
             "outputs": self._describe_outputs(),
             "outside": self._outside.find_changed_files(self.picking.find_changed_tables()),
             "calibration": self.calibration.last_message,
+            "stages": {"adjustment": self.picking.adjusting.shown, "results": self._writing.shown},
             "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
 
@@ -148,8 +145,8 @@ class OpenProject:
                 }
             case c.Calibrate():
                 self.calibration.start(action)
-            case c.StopCalibration():
-                self.calibration.stop()
+            case c.StopWork():
+                self._stop_work(action.work)
             case c.UseCamera():
                 await self._use_camera()
             case c.Reload():
@@ -161,6 +158,14 @@ class OpenProject:
                 return {"t": "done", "refused": await self._deal_with_aside(take=is_taken)}
         return {"t": "done"}
 
+    def _stop_work(self, work: c.Work) -> None:
+        if work == "adjustment":
+            self.picking.adjusting.stop()
+        elif work == "calibration":
+            self.calibration.stop()
+        else:
+            self._writing.stop()
+
     async def _export(self) -> m.Exported:
         """Save and run the project; return its outputs, or the reason for none."""
         async with self._busy:  # one at a time, even if several pages ask
@@ -169,7 +174,7 @@ class OpenProject:
                 return {"t": "exported", "why": self.picking.fault}
             version, damage = self.picking.version, None
             try:
-                await to_thread.run_sync(self._write)
+                await to_thread.run_sync(self._writing.run, self._run)
             except UnusablePhotosError as why:  # lost or damaged while the page is open
                 damage = why
         if damage is not None:
@@ -180,33 +185,6 @@ class OpenProject:
         written: m.Outputs = {**self._written_then, "version": version}
         self._broadcast({"t": "outputs", "outputs": written})
         return {"t": "exported", "outputs": written}
-
-    def _write(self) -> None:
-        """Run the project, and broadcast the names of the stages."""
-        shown_at_s = 0.0
-        self._is_stopped = False
-
-        def watch(stage: str) -> None:
-            nonlocal shown_at_s
-            if self._is_stopped:
-                raise _StoppedError
-            now_s = time.monotonic()
-            is_loop = ":" in stage  # which has many of these
-            if stage and not (is_loop and now_s - shown_at_s < SHOW_EVERY_S):
-                shown_at_s = now_s
-                self._broadcast({"t": "writing", "stage": stage})
-
-        try:
-            with watch_work(watch):
-                self._run()
-        except _StoppedError:
-            raise RefusedError(STOPPED) from None
-        finally:
-            self._broadcast({"t": "writing", "stage": ""})
-
-    def stop_writing(self) -> None:
-        """Stop a run before its files are in place; it ends at its next step."""
-        self._is_stopped = True
 
     async def _deal_with_aside(self, *, take: bool) -> int:
         """Apply or discard the changes of an earlier session; return how many do not fit."""

@@ -51,6 +51,7 @@ from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
 from uavgram.picking.session.point_search import SearchInput
 from uavgram.picking.session.searches import Searches
+from uavgram.picking.session.watched_work import WatchedWork
 from uavgram.picking.session.workers import AdjustmentWorkers, Task
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live_survey import LiveSurvey
@@ -104,7 +105,9 @@ class PickSession:
         self._thumbnails: LruCache[int, bytes] = LruCache(
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
-        self._live = AdjustmentWorkers(survey, self.index, self._publish_adjustment)
+        self._live = AdjustmentWorkers(
+            survey, self.index, self._publish_adjustment, broadcast
+        )
         self._search = Searches(survey, self._sought)
         self._is_resting = True  # no step is unfinished
         self._state_version = 0  # of `session`, which lags behind `version` during a change
@@ -133,8 +136,13 @@ class PickSession:
         counts = Counter(pick.image for pick in self.state.picks)
         return max(range(len(self.photos)), key=lambda k: counts[self.photos[k].name])
 
+    @property
+    def adjusting(self) -> WatchedWork:
+        """Adjustment of the newest state."""
+        return self._live.work
+
     def stop(self) -> None:
-        """Stop adjusting and searching; waits for the current adjustment."""
+        """Stop adjusting and searching."""
         self._live.stop()
         self._search.stop()
 

@@ -23,6 +23,7 @@ from uavgram.picking.protocol.encode_survey import (
     linearised_json,
     unadjusted_json,
 )
+from uavgram.picking.session.watched_work import WatchedWork
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 log = logging.getLogger(__name__)
@@ -37,6 +38,9 @@ FAULT = (
     "uavgram has failed at this state (a fault of the program: its log says where). Nothing that "
     "was done is lost; take the last change back, or go on."
 )
+
+HIDDEN_S = 1.0
+"""Duration of an adjustment up to which its stages are not shown [s]."""
 
 REST_S = 0.3
 """Pause of a step after which it is adjusted in full, though it may continue [s]."""
@@ -124,10 +128,15 @@ class AdjustmentWorkers:
         Numbers of the photos by name.
     answer
         Called with each answer, by one worker at a time.
+    broadcast
+        Called from any thread with messages for all pages.
     """
 
-    def __init__(self, survey: LiveSurvey, index: dict[str, int], answer: Answer) -> None:
+    def __init__(
+        self, survey: LiveSurvey, index: dict[str, int], answer: Answer, broadcast: m.Broadcast
+    ) -> None:
         self._survey, self._index, self._answer = survey, index, answer
+        self.work = WatchedWork("adjustment", broadcast, HIDDEN_S)
         self._newest: LatestTask[Task] = LatestTask(
             {"first order": self._answer_first_order, "adjustment": self._adjust}
         )
@@ -147,7 +156,8 @@ class AdjustmentWorkers:
         self._newest.submit(task)
 
     def stop(self) -> None:
-        """End after the current adjustment."""
+        """Stop the current adjustment, and end."""
+        self.work.stop()
         self._newest.stop()
 
     def _answer_first_order(self) -> None:
@@ -213,7 +223,8 @@ class AdjustmentWorkers:
 
     def _full(self, task: Task) -> tuple[LiveAdjustment | None, m.Adjusted | m.Unadjusted]:
         try:
-            adjusted = self._survey.adjust(collect_observations(task.state))
+            observed = collect_observations(task.state)
+            adjusted = self.work.run(lambda: self._survey.adjust(observed))
             return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:
             return None, unadjusted_json(str(why), self._survey.inputs.messages)

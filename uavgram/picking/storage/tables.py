@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -319,7 +320,9 @@ def _digests(contents: Contents) -> dict[str, str | None]:
 
 
 class FileWatch:
-    """Watch on the project file, the camera file and the tables of known points.
+    """Watch on the project file, the camera file, the tables of known points, and the photos.
+
+    Photos are only missed: their content is read when they are shown.
 
     The tables that the page writes itself are watched by `Tables`.
 
@@ -339,15 +342,18 @@ class FileWatch:
         known = (project.control, project.control_lines, project.check)
         names = (inputs.project_path, project.camera_file, *known)
         self._files = [Path(name) for name in names if name]
+        self._photos: dict[Path, set[str]] = {}  # names by folder
+        for photo in map(Path, inputs.photos.path):
+            self._photos.setdefault(photo.parent, set()).add(photo.name)
         self._known = {digest.sha256 for digest in inputs.digests}
         self._seen: dict[Path, tuple[Stamp, bool]] = {}
         self.last_changed: list[str] = []
 
     def find_changed_files(self, others: Sequence[str] = ()) -> list[str]:
         """Return the names of the files that differ from those read, `others` among them."""
-        self.last_changed = sorted(
-            {*(path.name for path in self._files if self._differs(path)), *others}
-        )
+        missing = (names - _list_names(folder) for folder, names in self._photos.items())
+        changed = (path.name for path in self._files if self._differs(path))
+        self.last_changed = sorted({*changed, *others, *chain.from_iterable(missing)})
         return self.last_changed
 
     def _differs(self, path: Path) -> bool:
@@ -362,6 +368,14 @@ class FileWatch:
             differs = True
         self._seen[path] = (stamp, differs)
         return differs
+
+
+def _list_names(folder: Path) -> set[str]:
+    """Return the names in a folder; empty where it was removed."""
+    try:
+        return set(os.listdir(folder))
+    except OSError:
+        return set()
 
 
 def stamp_of(path: Path) -> Stamp:

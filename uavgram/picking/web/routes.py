@@ -103,7 +103,6 @@ def file_routes(project: OpenProject) -> list[Route]:
         Route("/plan.svg", files.plan),
         Route("/recording", files.recording),
         Route("/calibration", files.calibration),
-        Route("/stop-writing", files.stop_writing, methods=["POST"]),
     ]
 
 
@@ -196,11 +195,6 @@ class Files:
         except UavgramError as why:
             return PlainTextResponse(name_on_page(str(why)), 404)
         return RedirectResponse(address, 303)
-
-    async def stop_writing(self, _: Request) -> Response:
-        """Stop a run that writes outputs; the sockets wait for its end."""
-        self._project.stop_writing()
-        return PageJSON({})
 
     async def calibration(self, _: Request) -> Response:
         """Serve the report of the last calibration."""

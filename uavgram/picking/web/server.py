@@ -63,6 +63,7 @@ class PickServer:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
         self._watching: asyncio.Task[None] | None = None
+        self._acting: set[asyncio.Task[None]] = set()
 
     @property
     def picking(self) -> PickSession:
@@ -126,7 +127,8 @@ class PickServer:
                 text = await page.receive_text()
                 await self._in_turn(pace)
                 answer = await self._answer(text, waiting)
-                await waiting.put(answer)
+                if answer is not None:
+                    await waiting.put(answer)
         except WebSocketDisconnect as gone:
             fault = FAULTS_OF_THE_PAGE.get(gone.code)
             if fault:
@@ -157,8 +159,12 @@ class PickServer:
                     break
             await page.close(TRY_AGAIN_LATER)  # it missed messages: it is to reconnect
 
-    async def _answer(self, text: str, own: _Waiting) -> m.ServerMessage:
-        """Carry out a message of a page, send the changes to the other pages, and answer."""
+    async def _answer(self, text: str, own: _Waiting) -> m.ServerMessage | None:
+        """Carry out a message of a page, send the changes to the other pages, and answer.
+
+        An action on the project may take minutes: it is answered when it ends, and what the page
+        sends meanwhile does not wait for it.
+        """
         try:
             message = parse_message(text, self.picking.photos)
         except RefusedError as why:
@@ -167,25 +173,39 @@ class PickServer:
         try:
             self._require_open()
             if isinstance(message.body, c.ProjectAction):
-                answer = await self.project.do(message.body)
-                answer["seq"] = message.seq
-                return answer
+                acting = asyncio.create_task(self._act(message.body, message.seq, own))
+                self._acting.add(acting)
+                acting.add_done_callback(self._acting.discard)
+                await asyncio.sleep(0)  # it begins before the next message is read
+                return None
             if isinstance(message.body, c.Question):
                 return await to_thread.run_sync(self.picking.answer, message)
             changed = self.picking.change(message)
         except UavgramError as why:  # refused, or a photo or the journal is not available
             log.info("refused: %s", why)
             return {"t": "refused", "seq": message.seq, "why": str(why)}
-        except Exception:
-            if not isinstance(message.body, c.ProjectAction):
-                raise  # the page reconnects, and reads the state that is there
-            log.exception("%s failed", type(message.body).__name__)  # a bug: the page goes on
-            return {"t": "refused", "seq": message.seq, "why": FAILED}
         for_others = changed.copy()
         for_others.pop("seq", None)
         self._broadcast(for_others, but=own)
         self._save_soon()
         return changed
+
+    async def _act(self, action: c.ProjectAction, seq: int, own: _Waiting) -> None:
+        """Carry out an action on the project, and answer the page that asked for it."""
+        answer: m.ServerMessage
+        try:
+            answer = await self.project.do(action)
+        except UavgramError as why:
+            log.info("refused: %s", why)
+            answer = {"t": "refused", "why": str(why)}
+        except Exception:
+            log.exception("%s failed", type(action).__name__)  # a bug: the page goes on
+            answer = {"t": "refused", "why": FAILED}
+        answer["seq"] = seq
+        if isinstance(action, c.Export):
+            self._save()  # what was changed while the tables were read
+        with contextlib.suppress(asyncio.QueueFull):  # the page has gone
+            own.put_nowait(answer)
 
     def _require_open(self) -> None:
         if self.project.refuses:
@@ -199,7 +219,7 @@ class PickServer:
         self._saving = self._loop.call_later(SAVE_AFTER_S, self._save)
 
     def _save(self) -> None:
-        if not self.project.refuses:
+        if not (self.project.refuses or self.project.reads_tables):
             self.picking.save()
 
     def _broadcast_soon(self, message: m.ServerMessage) -> None:

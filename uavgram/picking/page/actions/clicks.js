@@ -18,6 +18,10 @@ export class Clicks {
   /** @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
   at(pane, u, v, sigma_px) {
     const { names, notice, question, rebuild, state } = this.tools;
+    if (pane.fault) {
+      notice.show(pane.fault);
+      return;
+    }
     if (this.waits() || this.tools.again.takes(pane, u, v)) return;
     this.tools.leave(true);
     const { image } = pane;

@@ -45,15 +45,6 @@ export class ProjectActions {
     else this.showPanel();
   }
 
-  // Its own request: the socket waits for the end of the run.
-  async stopWriting() {
-    try {
-      await send("/stop-writing", {});
-    } catch (fault) {
-      this.notice.fault(fault);
-    }
-  }
-
   // Saves and closes the project: the start page opens, to choose a folder or to set up this one.
   /** @param {"" | "setup"} to */
   async leave(to) {

@@ -2,6 +2,7 @@
 // click made independently of the first checks it, and shows how exactly this person clicks.
 
 import { pickKey, store } from "../connection/store.js";
+import { spot } from "../photos/spot.js";
 
 /** @import { Pick } from "../connection/protocol.js" */
 /** @import { Pane } from "../photos/pane.js" */
@@ -9,7 +10,11 @@ import { pickKey, store } from "../connection/store.js";
 
 const AWAY_PX = 120; // on the screen, at most, so that the point is off the centre of the view
 
-const away = () => AWAY_PX * (2 * Math.random() - 1);
+const CROP_PX = 96; // of the picture of a point's surroundings
+const BESIDE_PX = 6; // from the first click to the middle of that picture, at most, so that it does not show the click
+
+/** @param {number} most */
+const shifted = (most) => most * (2 * Math.random() - 1);
 
 export class Again {
   /** @param {Tools} tools */
@@ -33,9 +38,10 @@ export class Again {
     document.body.classList.toggle("again", state.hidesMarks);
     if (!one || !active) return;
     if (active.image !== one.image) active.show(one.image);
-    active.view.center(one.u_px + away(), one.v_px + away(), 1);
+    active.view.center(one.u_px + shifted(AWAY_PX), one.v_px + shifted(AWAY_PX), 1);
     active.moved();
-    notice.show(`Click ${one.label} again, where you see it; ${this.left.length} left, Esc ends`);
+    notice.stay(spot(one.image, one.u_px + shifted(BESIDE_PX), one.v_px + shifted(BESIDE_PX), `Surroundings of ${one.label}`, CROP_PX),
+      `Click ${one.label} again in the photo: it is near the middle of this small picture. ${this.left.length} left; Esc ends.`);
   }
 
   /** Takes a click if it belongs to the round; returns whether it does. @param {Pane} pane @param {number} u_px @param {number} v_px */

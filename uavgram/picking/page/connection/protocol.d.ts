@@ -7,12 +7,13 @@ export type FullLive = LiveAdjusted | LiveUnadjusted;
 export type Live = LiveAdjusted | LiveUnadjusted | LiveLinearised;
 export type Answer = Snapped | NotSnapped | Side | TiePlaces | Ground;
 export type ActionAnswer = Exported | PhotoFolders | Done;
-export type ServerMessage = InitialState | Changed | LiveAdjusted | LiveUnadjusted | LiveLinearised | CalibrationRunning | CalibrationFailed | CalibrationDone | Refused | Closed | Saved | Outside | NewOutputs | Writing | NewProposals | Snapped | NotSnapped | Side | TiePlaces | Ground | Exported | PhotoFolders | Done;
+export type ServerMessage = InitialState | Changed | LiveAdjusted | LiveUnadjusted | LiveLinearised | CalibrationRunning | CalibrationFailed | CalibrationDone | Refused | Closed | Saved | Outside | NewOutputs | WorkStage | NewProposals | Snapped | NotSnapped | Side | TiePlaces | Ground | Exported | PhotoFolders | Done;
 export type Change = Place | Repeat | Unpick | Forget | Rename | Merge | Split | Swap | SetSigma | SetHeight | SetLine | RemoveLine | SetMeasurement | RemoveMeasurement | All | Undo | Redo | Accept;
-export type Question = Snap | SameGround | SideView | Ties | Refuse | Export | Reload | LeaveOut | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera;
+export type Question = Snap | SameGround | SideView | Ties | Refuse | Export | Reload | LeaveOut | TakeAside | DiscardAside | Folders | Calibrate | StopWork | UseCamera;
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "coordinate" | "skid_speed" | "speed" | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
 export type Source = "hand" | "match" | "target";
 export type Target = "any" | "target";
+export type Work = "adjustment" | "calibration" | "results";
 // Message of the server: `seq` of the page's message that it answers.
 export interface Sent { seq?: number | null }
 // Ellipse of one sigma: half-axes, and the direction of the major one from u towards v.
@@ -135,7 +136,7 @@ export interface LiveLinearised { seq?: number | null; t: "live"; for: number; e
 // Everything about photos and picks that a page needs at its start.
 export interface PickingState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; damaged: string[]; left_out: string[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals }
 // Everything that a page needs at its start.
-export interface InitialState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; damaged: string[]; left_out: string[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: CalibrationRunning | CalibrationFailed | CalibrationDone | null }
+export interface InitialState { seq?: number | null; version: number; undo: number; redo: number; t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; damaged: string[]; left_out: string[]; camera: Camera; clock: Clock | null; flight: Flight | null; control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[]; state: PickedState; live: LiveAdjusted | LiveUnadjusted | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: CalibrationRunning | CalibrationFailed | CalibrationDone | null; stages: Record<string, string> }
 // Change of the picked state.
 export interface Changed { seq?: number | null; version: number; undo: number; redo: number; t: "changed"; diff: Difference }
 // Reason why a message of the page was refused.
@@ -148,8 +149,8 @@ export interface Saved { seq?: number | null; t: "saved"; version: number; fault
 export interface Outside { seq?: number | null; t: "outside"; files: string[] }
 // New outputs.
 export interface NewOutputs { seq?: number | null; t: "outputs"; outputs: Outputs }
-// Stage of the writing of outputs that goes on; empty: it has ended.
-export interface Writing { seq?: number | null; t: "writing"; stage: string }
+// Stage of long work; empty: it has ended.
+export interface WorkStage { seq?: number | null; t: "work"; kind: Work; stage: string }
 // New results of the search.
 export interface NewProposals { seq?: number | null; labels: string[]; found: Proposal[]; asked: Asked[]; searched: number; t: "proposals" }
 // Exact place of a target; without `is_sure` it only looks like the target.
@@ -170,7 +171,7 @@ export interface Exported { seq?: number | null; t: "exported"; why?: string; ou
 export interface PhotoFolders { seq?: number | null; t: "folders"; why?: string; folders: Folder[] }
 // End of an action; `refused`: number of changes that do not fit any more.
 export interface Done { seq?: number | null; t: "done"; why?: string; refused?: number }
-export interface Answers { snap: Snapped | NotSnapped; side: Side; ties: TiePlaces; ground: Ground; export: Exported; folders: PhotoFolders; refuse: Done; reload: Done; "leave-out": Done; calibrate: Done; "stop-calibration": Done; "use-camera": Done; "take-aside": Done; "discard-aside": Done }
+export interface Answers { snap: Snapped | NotSnapped; side: Side; ties: TiePlaces; ground: Ground; export: Exported; folders: PhotoFolders; refuse: Done; reload: Done; "leave-out": Done; calibrate: Done; "stop-work": Done; "use-camera": Done; "take-aside": Done; "discard-aside": Done }
 // Folder in a list of the start page; `inside`: the folders around it, from the home.
 export interface Listed { number: number; name: string; inside: string; photos: number; is_flight: boolean; has_project: boolean }
 // Start of the start page: a folder, those opened before, and the newest flights.
@@ -247,8 +248,8 @@ export interface DiscardAside { t: "discard-aside"; step?: number; final?: boole
 export interface Folders { t: "folders"; step?: number; final?: boolean }
 // Calibrate a camera from the photos of a listed folder; `board` as on the command line.
 export interface Calibrate { t: "calibrate"; step?: number; final?: boolean; folder: number; board: string; model: "brown" | "fisheye" }
-// Stop the running calibration.
-export interface StopCalibration { t: "stop-calibration"; step?: number; final?: boolean }
+// Stop the adjustment, the calibration, or the writing of results.
+export interface StopWork { t: "stop-work"; step?: number; final?: boolean; work: Work }
 // Enter the newest camera file in the project file, and read the project again.
 export interface UseCamera { t: "use-camera"; step?: number; final?: boolean }
 // Find the exact centre of the corner or round target near a pixel.

@@ -5,12 +5,15 @@
 import { keyed, leaveIfRefused } from "./key.js";
 
 const AGAIN_AFTER_MS = 1000;
+const SILENT_AFTER_MS = 4000;
 
 export class Link {
-  /** @param {(message: ServerMessage, answered: Change | null) => void} onMessage @param {(open: boolean) => void} onState */
-  constructor(onMessage, onState) {
+  /** @param {(message: ServerMessage, answered: Change | null) => void} onMessage @param {(open: boolean) => void} onState @param {(isSilent: boolean) => void} onSilence called when a change has been unanswered for long, and when it is answered */
+  constructor(onMessage, onState, onSilence) {
     this.onMessage = onMessage;
     this.onState = onState;
+    this.onSilence = onSilence;
+    this.silence = 0; // timer
     /** @type {Change[]} */
     this.waiting = [];
     /** @type {{ seq: number, change: Change } | null} */
@@ -40,6 +43,7 @@ export class Link {
       this.onState(false);
       if (!this.wasOpen) void leaveIfRefused();
       this.under = null;
+      this.listen();
       for (const { no } of this.asked.values()) no(new Error("the connection is gone"));
       this.asked.clear();
       this.wake();
@@ -92,6 +96,14 @@ export class Link {
     if (!change) return;
     this.under = { seq: (this.seq += 1), change };
     this.socket.send(JSON.stringify({ ...change, seq: this.under.seq }));
+    this.listen();
+  }
+
+  // Notices when the server leaves a change unanswered.
+  listen() {
+    clearTimeout(this.silence);
+    this.onSilence(false);
+    if (this.under) this.silence = setTimeout(() => this.onSilence(true), SILENT_AFTER_MS);
   }
 
   // Waits until the server has answered all changes, or can no longer do so: a question would overtake them.
@@ -116,6 +128,7 @@ export class Link {
     }
     const answered = seq === this.under?.seq ? this.under.change : null;
     if (answered) this.under = null;
+    this.listen();
     this.onMessage(message, answered);
     this.next();
     this.wake();

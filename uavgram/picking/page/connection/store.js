@@ -2,7 +2,7 @@
 
 import { useUnits } from "../elements/units.js";
 
-/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, ControlLine, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Planned, Predicted, Proposal, Proposals, Remark, Sample, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, ControlLine, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Planned, Predicted, Proposal, Proposals, Remark, Sample, ServerMessage, Standing, Work } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -30,7 +30,7 @@ import { useUnits } from "../elements/units.js";
  * @property {string[]} outside
  * @property {number | null} aside number of changes that an earlier session could not save
  * @property {Calibration | null} calibration
- * @property {string} writing the stage of the writing of results; empty: nothing is written
+ * @property {Partial<Record<Work, string>>} stages of long work that goes on
  * @property {Map<string, Pick>} picks "image|label" -> pick
  * @property {string[]} repeated "image|label" of repeated clicks
  * @property {Line[]} lines
@@ -49,6 +49,7 @@ import { useUnits } from "../elements/units.js";
  * @property {boolean} waits whether the numbers have been older than the picks for so long that this is shown
  * @property {boolean} closing this page closes the project, whose photos it requests no more
  * @property {boolean} gone not connected for so long that this is shown
+ * @property {boolean} silent connected, but a change has been unanswered for so long that this is shown
  * @property {string} fault
  */
 
@@ -78,7 +79,7 @@ export const store = {
   outside: [],
   aside: null,
   calibration: null,
-  writing: "",
+  stages: {},
   picks: new Map(),
   repeated: [],
   lines: [],
@@ -97,6 +98,7 @@ export const store = {
   waits: false,
   closing: false,
   gone: false,
+  silent: false,
   fault: "",
 };
 
@@ -118,16 +120,16 @@ export function receive(message, moved) {
   else if (message.t === "outputs") store.outputs = message.outputs;
   else if (message.t === "proposals") proposed(message);
   else if (message.t === "calibration") store.calibration = message;
-  else if (message.t === "writing") store.writing = message.stage;
+  else if (message.t === "work") store.stages[message.kind] = message.stage;
   return true;
 }
 
 /** @param {InitialState} message */
-function begin({ project, units, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, ...message }) {
+function begin({ project, units, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, stages, ...message }) {
   const { picks, repeated, lines, measurements } = message.state;
   useUnits(units);
   Object.assign(store, {
-    begun: true, project, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
+    begun: true, project, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, stages, lines, measurements,
     leftOut: message.left_out,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,

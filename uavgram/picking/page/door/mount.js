@@ -64,12 +64,13 @@ export function mountPart(found, photos) {
   const set = `${found.setup.pitch_deg}`;
   const chosen = WAYS.some(([value]) => value === set) ? set : OTHER;
   const deg = node("input", { name: "pitch_below", inputmode: "decimal", autocomplete: "off", value: chosen === OTHER ? -Number(set) : "", "aria-label": "Degrees below the horizon", size: 4 });
-  const isPlaced = found.logs.length + found.poses.length > 0 || photos.some(({ has_position }) => has_position) || found.has_project;
-  const isAsked = isPlaced && set === "auto" && !found.has_project && looks === null && !found.has_gimbal; // only a person knows
+  const isPlaced = Boolean(found.log) || found.logs.length + found.poses.length > 0 || photos.some(({ has_position }) => has_position);
+  const isUnrecorded = isPlaced && looks === null && !found.has_gimbal; // only a person knows
+  const isAsked = isUnrecorded && set === "auto" && !found.has_project;
   const remark = node("p", { class: "replaced", role: "status" });
   const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
     isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos state no positions: the lengths on the ground place them, and any choice gives the same result."),
-    isAsked ? node("p", { class: "dim" }, unrecorded(found)) : null,
+    isUnrecorded ? node("p", { class: "dim" }, unrecorded(found)) : null,
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
       node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words),
       value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks, isPlaced) : meant)))),
@@ -116,6 +117,6 @@ function pitchIn(form) {
   if (way !== OTHER) return way === "auto" ? "auto" : Number(way);
   const written = textIn(form, "pitch_below");
   const deg = Number(written.replace(",", "."));
-  if (!written || Number.isNaN(deg)) throw new Error("Another angle: say how many degrees below the horizon, such as 60.");
+  if (!written || Number.isNaN(deg)) throw new WrongField("Enter how many degrees below the horizon, such as 60.", "pitch_below");
   return -deg;
 }

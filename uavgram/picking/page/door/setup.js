@@ -108,7 +108,7 @@ const NO_LOG = "none";
 function filesPart({ logs, log, poses, has_project }) {
   const all = [...new Set([...(log ? [log] : []), ...logs])];
   if (all.length) return box("Flight log", oneOf("log", all, "flight log", log ?? (has_project ? NO_LOG : all.length === 1 ? all[0] : ""), [NO_LOG, "none of these: work without a log"]));
-  if (poses.length && !has_project) return box("Places of the photos", oneOf("poses", poses, "file", poses.length === 1 ? poses[0] : ""));
+  if (poses.length) return box("Places of the photos", has_project ? node("p", {}, poses.join(", ")) : oneOf("poses", poses, "file", poses.length === 1 ? poses[0] : ""));
   return box("Flight log", node("p", { class: "dim" }, "None: the photos' own positions are used if they have some, else taped lengths alone."));
 }
 

@@ -24,6 +24,13 @@ export class Notice {
     this.timer = setTimeout(() => this.hide(), offer ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
+  /** Shows what stays until something else is shown. @param {...(Node | string)} parts */
+  stay(...parts) {
+    this.show("", true);
+    this.box.replaceChildren(...parts);
+    clearTimeout(this.timer);
+  }
+
   // Removes the button, but keeps the words, after something else was done.
   withdraw() {
     this.box.querySelector("button")?.remove();

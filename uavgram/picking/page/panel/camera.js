@@ -68,7 +68,7 @@ function formPart(folders, project) {
 function runShown(run, project) {
   if (run.state === "running") {
     return titled("Calibration", node("p", { role: "status" }, `${run.what}: ${run.done} of ${run.total}`),
-      node("div", { class: "row" }, node("progress", { max: run.total, value: run.done, "aria-label": run.what }), node("button", { onclick: () => void project.ask({ t: "stop-calibration" }) }, "Stop")));
+      node("div", { class: "row" }, node("progress", { max: run.total, value: run.done, "aria-label": run.what }), node("button", { onclick: () => void project.ask({ t: "stop-work", work: "calibration" }) }, "Stop")));
   }
   if (run.state === "failed") return titled("Calibration", node("p", { class: "why", role: "alert" }, run.why));
   const { width_px, height_px } = store.photos[0];

@@ -8,12 +8,14 @@ import { MOST_SHOWN } from "./proposals.js";
 
 /** @import { Proposals } from "../actions/proposals.js" */
 /** @import { ProjectActions } from "../actions/project_actions.js" */
-/** @import { Outputs } from "../connection/protocol.js" */
+/** @import { Outputs, Work } from "../connection/protocol.js" */
 
-/** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll @param {() => void} stop @param {Proposals} found */
-export function showOutputs(foot, exporting, exportAll, stop, found) {
-  const { outputs, version } = store;
+/** @param {Element} foot @param {boolean} isAsked whether this page asked for the results @param {() => void} exportAll @param {(work: Work) => void} stop @param {Proposals} found */
+export function showOutputs(foot, isAsked, exportAll, stop, found) {
+  const { outputs, stages, version } = store;
   if (!outputs) return;
+  const exporting = isAsked || Boolean(stages.results);
+  const work = exporting ? "results" : stages.adjustment ? "adjustment" : null; // that is shown
   const old = outputs.files.length > 0 && outputs.version !== version;
   const { level } = light();
   const words = writeWords(level);
@@ -21,31 +23,34 @@ export function showOutputs(foot, exporting, exportAll, stop, found) {
   const { all, words: acceptWords } = acceptable();
   const acceptAndWrite = () => { if (found.accept(all)) exportAll(); };
   const searching = isSearching();
-  const made = keep("outputs", [outputs, old, exporting, level, words, lost, all, searching], () => node("div", {},
+  const made = keep("outputs", [outputs, old, work, level, words, lost, all, searching], () => node("div", {},
     node("div", { class: "row" },
       exporting ? null : node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         words),
-      ...(exporting ? [stage, node("button", { name: "stop-writing", title: "Earlier results stay as they are", onclick: stop }, "Stop")] : []),
+      ...(work ? [stage, node("button", { name: "stop-work", title: STOPS[work], onclick: () => stop(work) }, "Stop")] : []),
       all.length && !exporting && !lost ? node("button", { name: "accept-export", disabled: searching, title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,
       node("span", { class: "dim", role: "status" }, exporting || lost ? "" : searching ? "still looking in other photos" : age(outputs, old)))));
   if (foot.firstChild !== made) foot.replaceChildren(made);
-  showStage(exporting);
+  showStage(work);
 }
 
+const STOPS = { results: "Earlier results stay as they are", adjustment: "Marks and lengths stay as they are" };
 const stage = node("span", { class: "stage", role: "status" });
-let begun = 0; // time at which the writing began
+let begun = 0; // time at which the shown work began
+/** @type {Work | null} */
+let shown = null;
 let ticking = 0; // timer
 
-// Shows the stage of the run, as the program names it, and how long it has taken.
-/** @param {boolean} exporting */
-function showStage(exporting) {
-  if (!exporting) begun = 0;
+// Shows the stage of long work, as the program names it, and how long it has taken.
+/** @param {Work | null} work */
+function showStage(work) {
+  if (work !== shown) begun = performance.now();
+  shown = work;
   clearTimeout(ticking);
-  if (!exporting) return;
-  begun ||= performance.now();
-  const words = store.writing || "save";
+  if (!work) return;
+  const words = store.stages[work] || "save";
   stage.textContent = `${words.slice(0, 1).toUpperCase()}${words.slice(1)}\u2026 ${Math.round((performance.now() - begun) / 1000)} s`;
-  ticking = setTimeout(() => showStage(true), 1000);
+  ticking = setTimeout(() => showStage(work), 1000);
 }
 
 // What one click may accept: all finds if each has its picture in the list, else those that need no inspection.
@@ -89,8 +94,9 @@ export function showOutside(bar, project) {
   /** @type {string[]} */
   const words = [];
   if (store.gone) words.push("The program does not answer. Start it again as you did before, by the icon or by a command, and go on in the page that it opens. What it confirmed is saved; what you do here now would be lost.");
+  else if (store.silent) words.push("The program is not answering. What you did in the last seconds is not saved yet: this page keeps it, and sends it as soon as the program answers. Leave the page open. If this stays, end the program and start it again; all that you did before is saved.");
   else if (store.fault) words.push(`Not saved: ${store.fault}`);
-  else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
+  else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed or removed by another program. Nothing is written over.`);
   bar.hidden = !words.length && !aside;
   fillIfNew(bar, JSON.stringify([words, outside, aside]), () => [node("p", {}, ...words), ...(outside.length ? [
     node("p", { class: "dim" }, "Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew."),

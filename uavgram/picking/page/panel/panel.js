@@ -47,7 +47,7 @@ export class Panel {
   showFoot() {
     const { tab, exporting } = this.state;
     byId("outputs").hidden = tab !== "measure" && tab !== "results";
-    showOutputs(byId("outputs"), exporting, () => void this.project.exportAll(), () => void this.project.stopWriting(), this.tools.proposals);
+    showOutputs(byId("outputs"), exporting, () => void this.project.exportAll(), (work) => void this.project.ask({ t: "stop-work", work }), this.tools.proposals);
     showOutside(byId("outside"), this.project);
   }
 

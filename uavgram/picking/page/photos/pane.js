@@ -8,7 +8,7 @@ import { buildMarks } from "./marks.js";
 import { residualScale } from "./residuals.js";
 import { Picture } from "./picture.js";
 import { Pointer } from "./pointer.js";
-import { forget, tile } from "./tiles.js";
+import { forget, retry, tile, tileFault } from "./tiles.js";
 import { askTones } from "./tone.js";
 import { ToneControl } from "./tone_control.js";
 import { View } from "./view.js";
@@ -61,8 +61,9 @@ export class Pane {
     this.choice = node("select", { "aria-label": "Photo", onchange: () => this.show(Number(this.choice.value)) });
     this.tone = new ToneControl();
     this.readout = node("div", { class: "readout" });
+    this.lost = node("div", { class: "lost", role: "status", hidden: true }); // covers a photo that cannot be shown
     this.box = node("div", { class: "pane" }, this.canvas, this.svg,
-      node("div", { class: "aim", "aria-hidden": true }), node("div", { class: "choices" }, this.choice, this.tone.button), this.tone.box, this.readout); // the aim is where Enter places a point
+      node("div", { class: "aim", "aria-hidden": true }), this.lost, node("div", { class: "choices" }, this.choice, this.tone.button), this.tone.box, this.readout); // the aim is where Enter places a point
     parent.append(this.box);
     this.picture = new Picture(this.id, this.canvas, this.view);
     this.loupe = new Loupe(this.box);
@@ -87,6 +88,7 @@ export class Pane {
   show(image) {
     if (!store.photos[image]) return;
     this.image = image;
+    retry(image);
     this.svg.replaceChildren();
     this.parts.clear();
     this.spread = ""; // the elements are new, even for the same photo
@@ -175,11 +177,19 @@ export class Pane {
     const rests = performance.now() - this.movedAt >= REST_MS;
     const { pictured, sharp } = this.picture.paint(this.photo, this.image, rests, this.loupe.keys);
     this.loupe.draw();
+    this.lost.textContent = this.fault;
+    this.lost.hidden = !this.fault;
     if (this.placed !== this.view.sign) this.moveMarks(); // arriving tiles move no marks
     if (sharp && this.box.dataset.sharp !== "true") this.events.sharpened();
     const { scale, left, top } = this.view;
     Object.assign(this.box.dataset, { pictured, sharp, scale, left, top });
     this.showReadout();
+  }
+
+  // Says why the photo cannot be shown: nothing can be clicked in it.
+  get fault() {
+    const why = tileFault(this.image);
+    return why && `${this.photo.name} cannot be shown, so nothing can be clicked in it. ${why} Put the file back and choose the photo again, or go on without it: press Reload at the side.`;
   }
 
   // Updates the line of numbers beneath the photo.

@@ -13,6 +13,8 @@ const kept = new Map(); // by key, in the order of their last use
 const under = new Map(); // by key
 /** @type {Set<string>} */
 const failed = new Set();
+/** Reasons why photos cannot be shown, by photo. @type {Map<number, string>} */
+const faults = new Map();
 /** Wanted tiles of each pane: keys, the most wanted first; number of drawn tiles; photo. @type {Map<number, { keys: string[], drawn: number, photo: number }>} */
 const panes = new Map();
 const page = Math.random().toString(36).slice(2, 14);
@@ -54,6 +56,15 @@ export function want(pane, photo, keys, drawn) {
   }
   trim();
   next();
+}
+
+/** Why a photo cannot be shown; empty if it can. @param {number} photo */
+export const tileFault = (photo) => faults.get(photo) ?? "";
+
+/** Loads the failed tiles of a photo again when they are wanted. @param {number} photo */
+export function retry(photo) {
+  faults.delete(photo);
+  for (const key of failed) if (photoOf(key) === photo) failed.delete(key);
 }
 
 /** @param {number} pane */
@@ -98,7 +109,12 @@ async function load(key) {
     const headers = { "x-shown": `${page} ${[...new Set([...panes.values()].map(({ photo }) => photo))].join()}` };
     const tone = toneSign(photoOf(key));
     const answer = await fetch(keyed(`/photo/${key}.jpg?${digest}&tone=${tone}`), { signal: control.signal, headers });
-    if (!answer.ok) throw new Error(`${answer.status}`);
+    if (!answer.ok) {
+      /** @type {unknown} */
+      const said = await answer.json().catch(() => ({}));
+      faults.set(photoOf(key), /** @type {{ why?: string }} */ (said).why ?? "");
+      throw new Error(`${answer.status}`);
+    }
     const picture = await createImageBitmap(await answer.blob());
     kept.get(key)?.picture.close();
     kept.delete(key);
