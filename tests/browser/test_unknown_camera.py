@@ -32,7 +32,9 @@ def test_a_camera_that_nobody_knows_is_said_to_be_and_calibrated_on_the_page(
         page.get_by_role("tab", name="Camera").click()
         panel = page.get_by_role("tabpanel", name="Camera")
         expect(panel).to_contain_text("Nothing is known of this camera")
-        expect(panel).to_contain_text("Nobody knows it, so an ordinary drone camera is assumed")
+        expect(panel).to_contain_text(
+            "The camera is not known, so an ordinary drone camera is assumed"
+        )
         form = panel.get_by_role("form", name="Calibration")
         form.get_by_label("Folder").select_option("../board: 6 photo files, 640 × 480 px")
         form.get_by_role("button", name="Start").click()

@@ -84,7 +84,7 @@ def test_a_long_adjustment_shows_its_stage_and_can_be_stopped(
             raise AssertionError("nobody stopped it")
 
         page = open_page(server)
-        expect(page.locator("#mode")).to_have_text("nothing adjusted yet")
+        expect(page.locator("#mode")).to_have_text("nothing computed yet")
         monkeypatch.setattr(survey, "adjust", adjust)
         place(page, "A", 100, 100)
         foot = page.locator("#outputs")

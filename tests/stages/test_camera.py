@@ -152,7 +152,7 @@ def test_a_strip_of_a_sensor_is_known_less_well(size: tuple[int, int]) -> None:
     ("tags", "words"),
     [
         ({}, "does not name its camera"),
-        ({"make": "ACME", "model": "Eye"}, "'ACME Eye', and states no focal length"),
+        ({"make": "ACME", "model": "Eye"}, "'ACME Eye', and does not state a focal length"),
         ({"make": "parrot", "model": "BEBOP 2", "focal_mm": 1.8}, "fisheye lens"),
         ({"make": "DJI", "model": "FC220", "focal_mm": 4.7, "digital_zoom": 2}, "digital zoom"),
     ],

@@ -300,9 +300,9 @@ def _explain_unknown_camera(tags: CameraTags, table: tuple[DroneCamera, ...]) ->
     if tags.digital_zoom > 1:
         return f"was taken with digital zoom ({tags.digital_zoom:g} times)"
     if not tags.camera_name:
-        return "does not name its camera (no Make and Model in EXIF)"
+        return "does not name its camera"
     return (
-        f"was taken with {tags.camera_name!r}, and states no focal length in EXIF that would help"
+        f"was taken with {tags.camera_name!r}, and does not state a focal length that can be used"
     )
 
 

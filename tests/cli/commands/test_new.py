@@ -156,7 +156,7 @@ def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calib
         camera = page.initial_state["camera"]
     assert camera["file"] == ""
     assert camera["source"] == [
-        "Nobody knows it, so an ordinary drone camera is assumed (`camera: unknown`)."
+        "The camera is not known, so an ordinary drone camera is assumed (`camera: unknown`)."
     ]
     assert [message["code"] for message in camera["messages"]] == ["camera-unknown"]
 

@@ -370,9 +370,10 @@ def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:
     shows = describe_unchecked(rows, links)
     told = describe_unchecked(rows, replace(links, unchecked=(("fx",),) * count))
     assert shows[0] == (
-        f"no error would show in the pick of {label!r} in 'a.jpg', nor in 1 other given value"
+        f"an error in the click on {label!r} in 'a.jpg' would not be noticed, nor one in 1 other "
+        "value"
     )
-    assert told[0] == "no error would show in the camera's focal length"
+    assert told[0] == "an error in the camera's focal length would not be noticed"
     assert not any(shows[1:])
 
 

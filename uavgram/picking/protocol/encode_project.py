@@ -181,7 +181,7 @@ def _source(inputs: Inputs) -> list[str]:
     if file is None:
         how = f"(`camera: {inputs.project.camera}`)"
         if _is_unknown(inputs):
-            return [f"Nobody knows it, so an ordinary drone camera is assumed {how}."]
+            return [f"The camera is not known, so an ordinary drone camera is assumed {how}."]
         return [f"Assumed from what the photos say of their camera {how}."]
     provenance: CameraProvenance | None = None
     try:

@@ -431,7 +431,8 @@ def describe_unchecked(rows: MeasurementResults, links: WeakestLinks | None) -> 
         unchecked = links.unchecked[i]
         own = [one for one in unchecked if any(repr(label) in one for label in rows.points[i])]
         others = len(unchecked) - 1
-        more = f", nor in {format_count(others, 'other given value')}" if others else ""
+        more = f", nor one in {format_count(others, 'other value')}" if others else ""
         named = (own or unchecked)[0]
-        found[i] = f"no error would show in the {_CAMERA_WORDS.get(named, named)}{more}"
+        where = _CAMERA_WORDS.get(named, named).replace("pick of", "click on")
+        found[i] = f"an error in the {where} would not be noticed{more}"
     return found

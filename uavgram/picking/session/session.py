@@ -105,9 +105,7 @@ class PickSession:
         self._thumbnails: LruCache[int, bytes] = LruCache(
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
-        self._live = AdjustmentWorkers(
-            survey, self.index, self._publish_adjustment, broadcast
-        )
+        self._live = AdjustmentWorkers(survey, self.index, self._publish_adjustment, broadcast)
         self._search = Searches(survey, self._sought)
         self._is_resting = True  # no step is unfinished
         self._state_version = 0  # of `session`, which lags behind `version` during a change

@@ -373,7 +373,7 @@ class FileWatch:
 def _list_names(folder: Path) -> set[str]:
     """Return the names in a folder; empty where it was removed."""
     try:
-        return set(os.listdir(folder))
+        return {path.name for path in folder.iterdir()}
     except OSError:
         return set()
 

@@ -91,11 +91,10 @@ def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
     seen, counts = found.seen, found.counts
     if not seen:
         return (
-            "nothing shows where the photos were taken: that takes a flight log, or one photo with "
-            "both ends of three known lengths "
-            f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}), or two "
-            "photos with one known length and six common points of the ground. Pick both ends of "
-            "more lines in one photo or more points in two, or give the log"
+            "nothing shows where the photos were taken. Without a flight log, mark both ends of "
+            "three known lengths in one photo "
+            f"(most so far: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}), or one "
+            "known length and six points on the ground in two photos"
         )
     frame = max(seen, key=lambda f: (seen[f].scaled, seen[f].rows, -f))
     known, name = seen[frame], survey.frame_id[frame]

@@ -21,9 +21,9 @@ const MARKS = [
   ["trust doubtful", DIAMOND, "dashed, round a point or as a line: doubtful. It rests on something that does not fit"],
   ["trust contradicted", OCTAGON, "round a point; as a line dotted: contradicted. Do not use it"],
   ["pulled", STROKE, "misfit (residual): from the point to where all else says it is, drawn larger, as beneath the photo is said"],
-  ["length", STROKE, "a taped length; dashed: only judged"],
+  ["length", STROKE, "a taped length; dashed: only to check"],
   ["measured", STROKE, "a measurement"],
-  ["placed", KNOWN.control, "a point with known coordinates that takes part; square: one that is only judged"],
+  ["placed", KNOWN.control, "a point with known coordinates that takes part; square: one that is only to check"],
 ];
 
 /** @type {[string, string][]} */

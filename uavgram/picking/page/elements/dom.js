@@ -73,3 +73,6 @@ export function textIn(form, name) {
   const value = form.get(name);
   return typeof value === "string" ? value.trim() : "";
 }
+
+/** Begins a reason of the server with a capital, where it does not begin with a path. @param {string} words */
+export const sentence = (words) => words.replace(/^[a-z]+ /, (word) => word[0].toUpperCase() + word.slice(1));

@@ -1,6 +1,6 @@
 // A temporary message over the page, with a button for an alternative if there is one.
 
-import { node } from "./dom.js";
+import { node, sentence } from "./dom.js";
 
 const SHOWN_MS = 8000; // messages of success are shown for half of it
 const OFFERED_MS = 20_000; // time to read about the alternative, and to reach the button
@@ -14,10 +14,9 @@ export class Notice {
     this.timer = 0;
   }
 
-  // The server's reasons begin in lower case, where they do not begin with a path.
   /** @param {string} words @param {boolean} good @param {Instead | null} offer a button beside the words */
   show(words, good = false, offer = null) {
-    this.box.replaceChildren(words.replace(/^[a-z]+ /, (word) => word[0].toUpperCase() + word.slice(1)), ...(offer ? [node("button", { type: "button", name: "offer", onclick: () => { this.hide(); offer.act(); } }, offer.words)] : []));
+    this.box.replaceChildren(sentence(words), ...(offer ? [node("button", { type: "button", name: "offer", onclick: () => { this.hide(); offer.act(); } }, offer.words)] : []));
     this.box.classList.toggle("info", good);
     this.box.hidden = false;
     clearTimeout(this.timer);

@@ -55,7 +55,7 @@ export class Header {
     if (box.textContent === words && box.dataset.mode === mode) return;
     box.dataset.mode = mode;
     box.textContent = words;
-    box.title = mode === "linearised" ? "Estimated while you drag: exact numbers follow when you let go" : mode === "adjusted" ? "All marks and lengths are fitted together" : words;
+    box.title = mode === "linearised" ? "A first estimate: the exact numbers follow" : mode === "adjusted" ? "All marks and lengths are computed together" : words;
   }
 
   showSaved() {
@@ -66,8 +66,8 @@ export class Header {
 
 function modeText() {
   if (!store.connected) return ["none", "no connection"];
-  if (store.mode === "none" && !stale()) return ["none", "nothing adjusted yet"];
+  if (store.mode === "none" && !stale()) return ["none", "nothing computed yet"];
   if (store.mode === "linearised") return ["linearised", "first estimate"];
-  if (stale() || store.live?.mode !== "adjusted") return ["waiting", "adjusting\u2026"];
-  return ["adjusted", `adjusted in ${store.live.seconds.toFixed(2)} s`];
+  if (stale() || store.live?.mode !== "adjusted") return ["waiting", "computing\u2026"];
+  return ["adjusted", `computed in ${store.live.seconds.toFixed(2)} s`];
 }

@@ -4,7 +4,7 @@ import { TOOLS } from "../actions/keys.js";
 import { adjusted, countsOfPicks, remarks, standsAt, store } from "../connection/store.js";
 import { fault } from "../connection/trust.js";
 import { linkButton, signButton } from "../elements/buttons.js";
-import { as, node } from "../elements/dom.js";
+import { as, node, sentence } from "../elements/dom.js";
 import { fixed, MISFIT, SIGMA } from "../elements/numbers.js";
 import { about, beneath, cell, drop, fill, folded, keep, list, remove, standingSign, table, tableRow, titled, trusted, wCell, withValues } from "../elements/table.js";
 import { fieldText, fieldUnit, lengthUnit, parseLength, smallUnit } from "../elements/units.js";
@@ -34,7 +34,7 @@ export function showMeasure(section, state, image, tools, side) {
 
 function missingPart() {
   const live = store.live;
-  return live?.mode === "none" ? keep("missing", live.why, () => node("p", { class: "why", role: "status" }, live.why)) : null;
+  return live?.mode === "none" ? keep("missing", live.why, () => node("p", { class: "why", role: "status" }, sentence(live.why))) : null;
 }
 
 // The input that the present tool waits for.

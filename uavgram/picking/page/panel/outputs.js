@@ -25,7 +25,7 @@ export function showOutputs(foot, isAsked, exportAll, stop, found) {
   const searching = isSearching();
   const made = keep("outputs", [outputs, old, work, level, words, lost, all, searching], () => node("div", {},
     node("div", { class: "row" },
-      exporting ? null : node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
+      exporting ? null : node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: lost, title: "Save, compute everything once more, and write report, tables, drawings and recording (W)", onclick: exportAll },
         words),
       ...(work ? [stage, node("button", { name: "stop-work", title: STOPS[work], onclick: () => stop(work) }, "Stop")] : []),
       all.length && !exporting && !lost ? node("button", { name: "accept-export", disabled: searching, title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,

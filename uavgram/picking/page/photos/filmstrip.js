@@ -79,7 +79,7 @@ export class Filmstrip {
     badge.textContent = `${count || ""}${found ? ` +${found}` : ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}${SIGNS[wrong]}`;
     badge.hidden = !badge.textContent;
     badge.classList.toggle("bad", isBad || wrong === "contradicted");
-    const words = `${matched}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, largest misfit ${worst.w.toFixed(1)} standard deviations` : ""}${standing.words}`;
+    const words = `${matched}, ${count} point${count === 1 ? "" : "s"} marked${found ? `, ${found} more found by the program` : ""}${worst.w ? `, largest misfit ${worst.w.toFixed(1)} standard deviations` : ""}${standing.words}`;
     spoken.textContent = `, ${words}`;
     button.title = `${photo.name}: ${words}`;
   }
