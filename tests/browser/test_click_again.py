@@ -83,6 +83,7 @@ def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
         expect(page.locator("#first")).to_contain_text("Not checked: mark New and Other")
         again.click()
         for label, (u, v) in PLACES.items():
+            page.keyboard.press("s")  # says something else for a while
             expect(page.locator("#notice")).to_contain_text(f"Click {label} again")
             assert not any(mark.is_visible() for mark in marks.all())
             check_picture(page, label)

@@ -21,6 +21,7 @@ from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import MeasurementRequest, Picks
+from uavgram.model.work import report_work
 from uavgram.picking.document.commands import Place
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Line, Pick, State
@@ -455,6 +456,27 @@ def test_a_vague_pose_does_not_contradict_what_features_predicted_better(start: 
 
     assert world.tried
     assert outcomes["2.jpg", "A"].found is not None
+
+
+def test_an_adjustment_with_finds_ends_when_the_search_does(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, picked = World(), state("A")
+    world.posed, world.by_features = ("2.jpg",), TARGETS
+
+    def adjust(*_: object) -> None:
+        world.tried.append(set())
+        for _k in range(2000):
+            time.sleep(0.01)
+            report_work()
+
+    monkeypatch.setattr(world, "adjust_with_finds", adjust)
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg"), is_adjusted=True, version=1))
+    until(lambda: bool(world.tried))
+    begun = time.monotonic()
+    seeker.stop()
+    assert time.monotonic() - begun < 5.0
 
 
 # A target that was clicked a little beside its centre is proposed elsewhere at its very centre.

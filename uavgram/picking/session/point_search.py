@@ -24,10 +24,12 @@ from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.targets.uncoded import UncodedTarget
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
+from uavgram.model.work import watch_work
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair, source_of
 from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.session.proposal_table import ProposalTable
+from uavgram.picking.session.watched_work import StoppedError
 from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
 from uavgram.pipeline.match.places_by_features import FeaturePlaces
@@ -234,10 +236,18 @@ class PointSearch:
         }
         if not any(map(is_vague, found)):
             return True
+
+        def go_on(_stage: str) -> None:
+            if self._is_outdated(wanted):
+                raise StoppedError
+
         try:
-            adjusted, contradicted = self._survey.adjust_with_finds(last, found)
+            with watch_work(go_on):
+                adjusted, contradicted = self._survey.adjust_with_finds(last, found)
         except (SingularError, UavgramError):  # they do not determine the poses
             return True
+        except StoppedError:
+            return False
         for pair, why in contradicted.items():
             outcomes[pair] = replace(outcomes[pair], found=None, why=why)
         places = predict_places(self._survey, adjusted, picks, labels)

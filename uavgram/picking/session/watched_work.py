@@ -24,8 +24,8 @@ STOPPED: dict[Work, str] = {
 Made = TypeVar("Made")
 
 
-class _StoppedError(BaseException):
-    """A person stopped the work: it is no fault that a stage could mend."""
+class StoppedError(BaseException):
+    """The work is no longer wanted: it is no fault that a stage could mend."""
 
 
 class WatchedWork:
@@ -66,7 +66,7 @@ class WatchedWork:
         try:
             with watch_work(self._watch):
                 return work()
-        except _StoppedError:
+        except StoppedError:
             raise RefusedError(STOPPED[self._kind]) from None
         finally:
             if self.shown:
@@ -78,7 +78,7 @@ class WatchedWork:
 
     def _watch(self, stage: str) -> None:
         if self._is_stopped:
-            raise _StoppedError
+            raise StoppedError
         self._stage = stage or self._stage
         now_s = time.monotonic()
         is_loop = ":" in self._stage  # which has many of these

@@ -36,7 +36,10 @@ export class Again {
     const [one] = this.left;
     state.hidesMarks = Boolean(one);
     document.body.classList.toggle("again", state.hidesMarks);
-    if (!one || !active) return;
+    if (!one || !active) {
+      notice.stay();
+      return;
+    }
     if (active.image !== one.image) active.show(one.image);
     active.view.center(one.u_px + shifted(AWAY_PX), one.v_px + shifted(AWAY_PX), 1);
     active.moved();
@@ -50,8 +53,8 @@ export class Again {
     if (one?.image !== image) return Boolean(one);
     this.tools.send({ t: "repeat", image, label: one.label, u_px, v_px });
     this.left.shift();
-    if (!this.left.length) this.tools.notice.show("All were clicked again.", true);
     this.next();
+    if (!this.left.length) this.tools.notice.show("All were clicked again.", true);
     return true;
   }
 

@@ -12,6 +12,8 @@ export class Notice {
   constructor(box) {
     this.box = box;
     this.timer = 0;
+    /** @type {(Node | string)[]} */
+    this.lasting = []; // shown where nothing else is
   }
 
   /** @param {string} words @param {boolean} good @param {Instead | null} offer a button beside the words */
@@ -23,11 +25,10 @@ export class Notice {
     this.timer = setTimeout(() => this.hide(), offer ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
-  /** Shows what stays until something else is shown. @param {...(Node | string)} parts */
+  /** Shows what stays, or no more if there are no parts. @param {...(Node | string)} parts */
   stay(...parts) {
-    this.show("", true);
-    this.box.replaceChildren(...parts);
-    clearTimeout(this.timer);
+    this.lasting = parts;
+    this.hide();
   }
 
   // Removes the button, but keeps the words, after something else was done.
@@ -41,6 +42,8 @@ export class Notice {
   }
 
   hide() {
-    this.box.hidden = true;
+    this.box.replaceChildren(...this.lasting);
+    this.box.classList.add("info");
+    this.box.hidden = !this.lasting.length;
   }
 }
