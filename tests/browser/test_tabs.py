@@ -59,7 +59,7 @@ def test_a_table_that_another_program_changed_is_reloaded_at_a_click(
     with served(project) as server:
         page = open_page(server)
         place(page, "ours", 100, 100)
-        bar = page.get_by_role("alert").filter(has_text="changed by another program")
+        bar = page.get_by_role("alert").filter(has_text="changed or removed by another program")
         expect(page.locator("#saved")).to_have_text("saved")
         picks = project.parent / "picks.csv"
         picks.write_text(picks.read_text(encoding="utf-8") + "P1.jpg,theirs,300,200,,\n")

@@ -55,6 +55,24 @@ def test_a_photo_that_was_removed_takes_no_click_and_says_so(
         assert not [one for one in open_page.errors if "404" not in one]
 
 
+def test_a_photo_that_is_not_loaded_yet_takes_no_click(
+    tmp_path: Path, open_page: PageOpener
+) -> None:
+    with served(small_project(tmp_path)) as server:
+        page = open_page(server)
+        tiles = "**/photo/1/*/*/*.jpg*"
+        page.route(tiles, lambda _: None)  # no answer
+        page.locator('#strip [data-image="1"]').click()
+        page.mouse.click(*to_page(page, 300, 200))
+        expect(page.locator("#notice")).to_contain_text("P2.jpg is still being loaded")
+        page.unroute(tiles)
+        page.reload()
+        expect(page.locator(".pane").first).to_have_attribute("data-image", "P2.jpg")
+        expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
+        place(page, "A", 300, 200)
+        assert [pick.label for pick in server.picking.state.picks] == ["A"]
+
+
 def test_a_program_that_hangs_is_told_and_keeps_the_clicks(
     tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,8 +18,8 @@ export class Clicks {
   /** @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
   at(pane, u, v, sigma_px) {
     const { names, notice, question, rebuild, state } = this.tools;
-    if (pane.fault) {
-      notice.show(pane.fault);
+    if (pane.refusal) {
+      notice.show(pane.refusal);
       return;
     }
     if (this.waits() || this.tools.again.takes(pane, u, v)) return;

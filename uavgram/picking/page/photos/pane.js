@@ -192,6 +192,11 @@ export class Pane {
     return why && `${this.photo.name} cannot be shown, so nothing can be clicked in it. ${why} Put the file back and choose the photo again, or go on without it: press Reload at the side.`;
   }
 
+  // Says why no click is taken: it would be on something that is not seen.
+  get refusal() {
+    return this.fault || (this.box.dataset.pictured === "true" ? "" : `${this.photo.name} is still being loaded: this click marked nothing.`);
+  }
+
   // Updates the line of numbers beneath the photo.
   showReadout() {
     const [u, v] = this.pointed ?? [];
