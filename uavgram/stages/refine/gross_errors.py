@@ -2,7 +2,8 @@
 
 1. `adjust_robustly` keeps an ordinary adjustment that fits (`_is_in_order`).
 2. Otherwise robust adjustments (`robust_adjustment.py`) begin from several first values: with
-   enlarged sigmas, then without single lengths, known things or photos (`_find_best_candidates`).
+   enlarged sigmas, with two readings exchanged, then without single lengths, known things or
+   photos (`_find_best_candidates`).
 3. The candidate of least cost decides which observations are gross errors.
 4. The remaining observations are adjusted as usual (`_adjust_without_candidate`), and the removed
    ones are reported.
