@@ -409,8 +409,7 @@ class Candidate:
         gross = np.where(placed > 0, lost, np.minimum(lost, MOST_GROSS_OF_A_PHOTO))
         usual = 2.0 * (lost - gross)  # expected sum of squares of two numbers each
         picks = float(np.sum(GROSS_SIGMAS**2 * gross + usual))
-        lost = self._count_lost_numbers(whole)
-        return self.annealed.cost + picks + lost + self.price
+        return self.annealed.cost + picks + self._count_lost_numbers(whole) + self.price
 
     def _count_lost_numbers(self, whole: Participants) -> int:
         """Count the numbers of lengths, known things and control that have no part in it."""
