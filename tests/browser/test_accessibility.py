@@ -72,6 +72,7 @@ def test_a_first_session_needs_no_mouse(server: Served, page: Page) -> None:
     assert re.match(r"\d+\.\d+ \u00b1", measured(page)["D1"])
 
     press(page, "p", "PageDown")
+    expect(page.locator('[data-image^="IMG_0042"][data-pictured="true"]')).to_be_visible()
     name(page, "A")  # in the middle of the photo, where it is not
     expect(page.get_by_role("alertdialog")).to_be_visible()
     assert keeps_out(page) == []

@@ -18,6 +18,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import expit, logit
 
 from uavgram.estimation.first_poses.first_values import find_seen_labels
 from uavgram.estimation.reliability.redundancy import compute_upper_tail
@@ -301,13 +302,12 @@ def _expect_heights(adjustment: Adjustment, on_ground: Ints, found: Collection[s
     is_once = count_photos(survey) < UNCHECKED_PHOTOS
     seen = np.isfinite(sigma_m) & ~is_once
     on, off = usual[seen] ** 2 + sigma_m[seen] ** 2, square + sigma_m[seen] ** 2
-    ratio = np.where(is_once, 1.0, 0.0)
-    ratio[seen] = np.sqrt(on / off) * np.exp(0.5 * height_m[seen] ** 2 * (1.0 / on - 1.0 / off))
-    ratio = ratio[on_ground]
+    log_ratio = np.where(is_once, 0.0, -np.inf)
+    log_ratio[seen] = 0.5 * (np.log(on / off) + height_m[seen] ** 2 * (1.0 / on - 1.0 / off))
     probability = np.full(len(on_ground), len(found) / (len(found) + len(on_ground)))
     for _ in range(SHARE_ROUNDS):
         share = (len(found) + probability.sum()) / (len(found) + len(on_ground))
-        probability = share * ratio / (share * ratio + 1.0 - share)
+        probability = expit(logit(share) + log_ratio[on_ground])
     return np.asarray(np.sqrt(probability * square))
 
 
