@@ -163,13 +163,17 @@ EXCLUDED = (
         "control-exchanged",
         WARNING,
         finding=(
-            "Two control points seem to have each other's coordinates: everything else fits once "
-            "they are exchanged, and the results use them so."
+            "Two control points seem to have each other's coordinates, or each other's labels in "
+            "the photos: everything else fits once the coordinates are exchanged, and the results "
+            "use them so."
         ),
-        action="Look at the list of control points, and exchange the coordinates there.",
-        effect=Effect.AMBER,
+        action=(
+            "Look at the list of control points, and at which point is which in the photos; then "
+            "correct the one that is wrong."
+        ),
+        effect=Effect.DOUBTFUL,
         order=Order.CAUSE_OF_ONE,
-        one="The coordinates of {labels} seem to be exchanged.",
+        one="{labels} seem to have each other's coordinates.",
     ),
     Entry(
         "height-left-out",

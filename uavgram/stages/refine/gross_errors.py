@@ -221,8 +221,8 @@ class Robust:
         contested = [self.refined.is_contested("control", name) for name in names]
         control = self.control[~np.array(contested, dtype=np.bool_)]
         yield from report_control_left_out(survey, self.refined, control)
-        if self.exchanged and not self.refined.is_contested("control", _name_pair(self.exchanged)):
-            yield report_control_exchanged(self.exchanged)
+        if not self.refined.is_contested("control", _name_pair(self.exchanged)):
+            yield from report_control_exchanged(survey, self.refined, self.exchanged)
         yield from report_heights_left_out(survey, self.refined, self.heights)
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
@@ -839,17 +839,16 @@ def _try_exchanged_readings(
         exchanged = replace(taking, survey=other)
         whole = _add_small_roughness(exchanged)
         names = tuple(survey.label[k] for k in survey.control_label[pair])
-        for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal)):
+        for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal), again=True):
             yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
     for pair in _list_lengths_to_exchange(taking):
         length_m = survey.length_m.copy()
         length_m[pair] = length_m[pair[::-1]]
         reduced = replace(taking, survey=replace(survey, length_m=length_m))
         rest = taking.leave_out_lines(pair)
-        found_with = _adjust_from_reduced(
-            _add_small_roughness(reduced), _add_small_roughness(rest), rest, Patience(goal=goal)
-        )
-        for one in found_with:
+        patience = Patience(goal=goal)
+        parts = (_add_small_roughness(reduced), _add_small_roughness(rest), rest)
+        for one in _adjust_from_reduced(*parts, patience, again=True):
             if _adjust_without_candidate(one) is not None:  # the rest determines the pose
                 yield replace(one, price=LENGTH_EXCHANGE_COST)
 
@@ -859,16 +858,22 @@ def _list_control_to_exchange(
 ) -> Iterator[list[int]]:
     """List pairs of control points, by row, that may have each other's coordinates.
 
-    Where a log, or three others, place the scene, only those that the best candidate leaves out.
+    Where a log, or three others, place the scene, those that the best candidate leaves out are
+    among them.
     """
     survey = taking.survey
-    rows = np.arange(len(survey.control_label))
-    wrong = found[0].list_unused_control(taking) if found else rows
-    is_placed = survey.telemetry is not None or len(rows) - len(wrong) >= LEAST_AGREEING_CONTROL
-    if is_placed and (len(wrong) > 1 or survey.telemetry is not None):
-        rows = wrong
-    pairs = [list(pair) for pair in combinations(rows.tolist(), 2)]
-    if len(pairs) <= MOST_STARTS and len(survey.control_label) >= LEAST_AGREEING_CONTROL:
+    number, is_logged = len(survey.control_label), survey.telemetry is not None
+    wrong = found[0].list_unused_control(taking) if found else np.arange(number)
+    is_shown = is_logged and bool(found) and found[0].fits()
+    least = 0
+    if is_shown or number - len(wrong) >= LEAST_AGREEING_CONTROL:
+        least = min(len(wrong), 2)
+    pairs = [
+        list(pair)
+        for pair in combinations(range(number), 2)
+        if np.isin(pair, wrong).sum() >= max(least, int(is_shown))
+    ]
+    if len(pairs) <= MOST_STARTS and number + int(is_logged) >= LEAST_AGREEING_CONTROL:
         yield from pairs
 
 
@@ -1023,7 +1028,12 @@ def _adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
 
 
 def _adjust_from_reduced(
-    reduced: Participants, whole: Participants, taking: Participants, patience: Patience = FULL
+    reduced: Participants,
+    whole: Participants,
+    taking: Participants,
+    patience: Patience = FULL,
+    *,
+    again: bool = False,
 ) -> Iterator[Candidate]:
     """Adjust robustly from each ordinary minimum of a part of the observations.
 
@@ -1038,9 +1048,15 @@ def _adjust_from_reduced(
     patience
         Largest numbers of iterations, and the sum of squares of the part beyond which it is
         skipped.
+    again
+        Whether frames in doubt begin again in another pose.
     """
     try:
-        first = find_minima_from(reduced, find_first_values, patience)
+        first = (
+            find_best_minima(reduced, patience)
+            if again
+            else find_minima_from(reduced, find_first_values, patience)
+        )
     except GeometryError:
         return
     if first.adjustment.minimum.cost > patience.goal:

@@ -138,17 +138,39 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
         yield Message("warning", "control-left-out", text, labels=(label,), several=several)
 
 
-def report_control_exchanged(names: Sequence[str]) -> Message:
-    """Report two control points whose coordinates are exchanged, by name."""
+def report_control_exchanged(
+    survey: Survey, refined: Refined, names: tuple[str, ...]
+) -> Iterator[Message]:
+    """Report two control points whose coordinates are exchanged in the adjustment.
+
+    Where nothing else is measured from only one of them, their labels may be swapped instead.
+
+    Parameters
+    ----------
+    survey, refined
+        All observations, and the adjustment.
+    names
+        Names of the two points; empty for none.
+    """
+    if not names:
+        return
     points = join_names(map(repr, names))
-    return Message(
+    own = {survey.label.index(name) for name in names}
+    ends = zip(survey.line_start.tolist(), survey.line_end.tolist(), strict=True)
+    used = [{*each} for each, out in zip(ends, refined.line_removed, strict=True) if not out]
+    used += [{*one.label} for one in survey.known if one.index not in refined.known_removed]
+    photos = "in all photos" if len(survey.frame_id) > 1 else "in the photo"
+    instead = ""
+    if all(len(own & each) != 1 for each in used):
+        instead = f"Or the labels {points} are swapped {photos}, and nothing shows which. "
+    yield Message(
         "warning",
         "control-exchanged",
         f"The coordinates of the control points {points} seem to be exchanged: everything else "
-        "fits if each has those of the other. Look at the list, and exchange them there. The "
-        "results take it into account.",
-        labels=tuple(names),
-        plain=f"The coordinates of {points} seem to be exchanged.",
+        f"fits if each has those of the other. {instead}Look at the list, and at which point is "
+        "which in the photos. The results use the exchanged coordinates.",
+        labels=names,
+        plain=f"{points} seem to have each other's coordinates.",
     )
 
 
