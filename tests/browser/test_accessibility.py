@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from axe_checks import AXE, keeps_out, with_axe
 from opened_pages import PageOpener
-from picking_pages import measured, wait_until_adjusted
+from picking_pages import measured, wait_until_adjusted, wait_until_pictured
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
@@ -72,7 +72,7 @@ def test_a_first_session_needs_no_mouse(server: Served, page: Page) -> None:
     assert re.match(r"\d+\.\d+ \u00b1", measured(page)["D1"])
 
     press(page, "p", "PageDown")
-    expect(page.locator('[data-image^="IMG_0042"][data-pictured="true"]')).to_be_visible()
+    wait_until_pictured(page, "IMG_0042")
     name(page, "A")  # in the middle of the photo, where it is not
     expect(page.get_by_role("alertdialog")).to_be_visible()
     assert keeps_out(page) == []

@@ -16,6 +16,7 @@ from picking_pages import (
     show_photo,
     to_page,
     wait_until_adjusted,
+    wait_until_pictured,
 )
 from picking_projects import PickingProject
 from picking_server import served
@@ -112,6 +113,7 @@ def test_a_coordinate_and_a_speed_by_keyboard_alone_have_the_numbers_of_a_run(
         expect(page.get_by_role("button", name=re.compile("^car then, u"))).to_be_visible()
         expect(page.get_by_role("tabpanel")).to_contain_text("Now show another photo")
         page.keyboard.press("PageDown")
+        wait_until_pictured(page, "IMG_0045")
         type_label(page, "car later")
         form = entry(page, "New S1")
         expect(form).to_contain_text(

@@ -88,6 +88,6 @@ def test_a_text_without_a_number_is_no_date(text: str) -> None:
 
 
 def test_a_tape_is_not_read_to_metres() -> None:
-    assert find_value_fault("reading_sigma_m", 5.0) == "must lie between 1e-06 and 1"
+    assert find_value_fault("reading_sigma_m", 5.0) == "must lie between 0.000001 and 1"
     assert find_value_fault("reading_sigma_m", 0.5) == ""
     assert find_value_fault("sigma_m", 5.0) == ""  # of a distance that was paced

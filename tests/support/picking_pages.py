@@ -96,6 +96,11 @@ def wait_until_adjusted(page: Page) -> None:
     expect(page.locator("body")).to_have_attribute("data-numbers", "current")
 
 
+def wait_until_pictured(page: Page, photo: str) -> None:
+    """Wait until a photo can be seen: a click before that marks nothing."""
+    expect(page.locator(f'[data-image^="{photo}"][data-pictured="true"]')).to_be_visible()
+
+
 def measured(page: Page) -> dict[str, str]:
     """Values as the page shows them, by the names of the measurements."""
     rows = page.locator('table[aria-label="Measurements"] tr[data-row]').all()
