@@ -389,9 +389,9 @@ def _elsewhere_message(frame: str) -> Message:
     return Message(
         "warning",
         "photo-elsewhere",
-        f"The photo {frame!r} shows another place, or its labels are in disorder: look at it, and "
-        "pick it again or take it out. Its picks do not fit the rest, nor with other labels, "
-        "mirrored or turned.",
+        f"The photo {frame!r} shows another place, or its labels are in disorder: its "
+        "picks do not fit the rest. Look at it, also for labels that are swapped and for a photo "
+        "that was mirrored or turned; pick it again, or take it out.",
         frames=(frame,),
         several=MessagePlural(
             "{count} photos show another place, or their labels are in disorder",
