@@ -113,7 +113,7 @@ def test_the_right_angle_that_is_none_takes_no_part() -> None:
 
 def test_collinear_points_and_level_ones_place_no_photo() -> None:
     scene = lane(2).known(LENGTH, ("collinear", (0, 4, 1)), ("level", (0, 1, 2)))
-    with pytest.raises(GeometryError, match=r"three known lengths .*most here: 1 in 'f0'"):
+    with pytest.raises(GeometryError, match=r"three known lengths .*most so far: 1 in 'f0'"):
         codes(scene)
 
 

@@ -104,13 +104,10 @@ that give its size in turn."""
 COORDINATES = 3
 """Number of coordinates of a control point."""
 
-NUMBER_COST = 2.0 * 6.0
-"""Part of the cost of a gross error that belongs to each unknown number of it: twice the logarithm
-of the range of gross errors over the sigma."""
-
-CONTROL_EXCHANGE_COST, LENGTH_EXCHANGE_COST = NUMBER_COST, GROSS_SIGMAS**2 - NUMBER_COST
+CONTROL_EXCHANGE_COST, LENGTH_EXCHANGE_COST = GROSS_SIGMAS**2 / COORDINATES, GROSS_SIGMAS**2
 """Costs of two control points, or two lengths, with each other's readings. An exchange has no
-unknown amount; a gross length has one, and a gross control point three."""
+unknown amount, where a gross control point has three; two lengths often differ by little, so that
+their exchange explains an error of one of them by chance."""
 
 LEAST_AGREEING_CONTROL = 3
 """Number of control points that determine the place and direction of a scene, and check it."""
