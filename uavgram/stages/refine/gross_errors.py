@@ -436,9 +436,8 @@ class Candidate:
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead
-        exchanges_lengths = self.price > 0.0 and not self.exchanged
         is_bent = bool(gross) or not self.fits()
-        if exchanges_lengths or (is_bent and self._is_alone_without_log()):
+        if self.exchanges_lengths() or (is_bent and self._is_alone_without_log()):
             return False  # in another pose another reading may be wrong
         if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
             return False
@@ -468,6 +467,10 @@ class Candidate:
         """Return whether no length is unseen without left-out photos: it may be the wrong one."""
         used = self.first.line_index[self.annealed.problem.line_index]
         return set(used.tolist()) >= _find_seen_lines(whole)
+
+    def exchanges_lengths(self) -> bool:
+        """Return whether it takes an exchange of two lengths into account."""
+        return self.price > 0.0 and not self.exchanged
 
     def leaves_out_nothing(self) -> bool:
         """Return whether all observations take part, and fit."""
@@ -1355,7 +1358,8 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
         least = agreed[0].cost(taking)
         near = [one for one in agreed if one.cost(taking) <= least + MAX_RIVAL_INCREASE]
         agreed = [one for one in agreed if one not in near]
-        near.sort(key=lambda one: -len(one.used))
+        # One wrong reading is likelier than an exchange of two that explains no more.
+        near.sort(key=lambda one: (one.exchanges_lengths(), -len(one.used)))
         # One candidate for each set of left-out observations.
         different = {one.left_out: one for one in reversed(near)}
         each = (one for one in near if different[one.left_out] is one)
