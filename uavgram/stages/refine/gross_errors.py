@@ -819,7 +819,8 @@ def _try_exchanged_readings(
     Of few control points, two that are exchanged agree with each other in another direction of the
     scene, and a right one contradicts them. Two exchanged lengths lead to another pose, in which a
     right reading is a gross error. Lengths are left out then; coordinates remain exchanged, as
-    nothing else may place the scene.
+    nothing else may place the scene. An exchange has to explain everything, unless nothing else
+    gives a result.
 
     Parameters
     ----------
@@ -840,7 +841,8 @@ def _try_exchanged_readings(
         whole = _add_small_roughness(exchanged)
         names = tuple(survey.label[k] for k in survey.control_label[pair])
         for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal), again=True):
-            yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
+            if one.leaves_out_nothing() or not found:
+                yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
     for pair in _list_lengths_to_exchange(taking):
         length_m = survey.length_m.copy()
         length_m[pair] = length_m[pair[::-1]]
@@ -849,7 +851,8 @@ def _try_exchanged_readings(
         patience = Patience(goal=goal)
         parts = (_add_small_roughness(reduced), _add_small_roughness(rest), rest)
         for one in _adjust_from_reduced(*parts, patience, again=True):
-            if _adjust_without_candidate(one) is not None:  # the rest determines the pose
+            is_determined = _adjust_without_candidate(one) is not None
+            if one.leaves_out_nothing() and is_determined:
                 yield replace(one, price=LENGTH_EXCHANGE_COST)
 
 
