@@ -290,6 +290,26 @@ def test_exchanged_control_points_of_a_single_photo_are_named_and_spoil_nothing(
     assert 0.0 < max(map(abs, zs(row))) < 3.5
 
 
+@pytest.mark.parametrize("seed", [2, 4])
+def test_swapped_labels_of_control_points_are_named_beside_exchanged_coordinates(seed: int) -> None:
+    """In a single photo both look the same where nothing else is measured from the points."""
+    world = World(log=None, clicks=2, control=6, lengths=(2, 2), taped=(8, 8), marks=(5, 5))
+    rng = np.random.default_rng(seed)
+    survey = draw(world, rng)
+    ends = {end for line in survey.lines for end in line.ends}
+    one, other, *_ = sorted(survey.control.keys() - ends)
+    for pick in survey.picks:
+        pick.label = {one: other, other: one}.get(pick.label, pick.label)
+    survey.blame(labels=[one, other])
+    row = judged(survey, {"world": "strip", "fault": "swapped", "seed": seed})
+    first = row["reasons"][0]
+    assert (first["cause"], set(first["labels"])) == ("control-exchanged", {one, other})
+    assert "are swapped in the photo, and nothing shows which" in first["text"]
+    wrong = {v["name"]: v["status"] for v in row["values"] if abs(zs({"values": [v]})[0]) > 3.5}
+    assert wrong
+    assert set(wrong.values()) <= {"doubtful"}
+
+
 @pytest.mark.parametrize("seed", [5, 8])
 def test_most_points_off_the_ground_without_a_stated_height_spoil_nothing(seed: int) -> None:
     """Photos from nearly one place hardly show heights; a scene of no size would fit any (8)."""

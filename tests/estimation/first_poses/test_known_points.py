@@ -11,6 +11,7 @@ from scenes import Scene
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_points import (
+    find_candidate_poses,
     find_known_point_poses,
     find_poses_from_points,
 )
@@ -57,6 +58,19 @@ def test_a_frame_with_fewer_than_four_known_points_has_none(
     scene_factory: Callable[..., Scene],
 ) -> None:
     assert find_known_point_poses(scene_factory(1, control=3, **ALONE).survey) == ()
+
+
+def test_a_pose_from_ties_of_a_frame_that_takes_no_part_is_not_used(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = scene_factory(1, frames=2, labels=9, control=6, **ALONE).survey
+    (one, _) = find_known_point_poses(survey)
+    absent = replace(one, frame_id="another")
+    found = find_candidate_poses(replace(survey, candidate_poses=(absent,)))
+
+    assert [each.frame_id for each in found] == ["f0", "f1"]
+    refined, _ = refine(replace(survey, candidate_poses=(absent,)), SolveOptions())
+    assert refined.adjustment.minimum.converged
 
 
 def test_clicks_of_one_point_count_once(scene_factory: Callable[..., Scene]) -> None:

@@ -25,10 +25,9 @@ LINE_RATIO = 1e-3
 
 
 def find_candidate_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
-    """Find first poses of frames from their control, or lines of known position, or ties.
+    """Find first poses of a survey's frames from control, lines of known position, or ties.
 
-    A log gives first poses of its own, and so do lengths where the survey has no place in the
-    world.
+    With a log, or without control, only those from ties.
     """
     by_control: tuple[CandidatePoses, ...] = ()
     if survey.telemetry is None and survey.gauge == "world":
@@ -36,8 +35,9 @@ def find_candidate_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
         placed = {one.frame_id for one in by_points}
         by_lines = (one for one in estimate_line_poses(survey) if one.frame_id not in placed)
         by_control = (*by_points, *by_lines)
-    placed = {one.frame_id for one in by_control}
-    return (*by_control, *(one for one in survey.candidate_poses if one.frame_id not in placed))
+    # Frames that take no part may still have poses from ties.
+    others = set(survey.frame_id) - {one.frame_id for one in by_control}
+    return (*by_control, *(one for one in survey.candidate_poses if one.frame_id in others))
 
 
 def find_known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:

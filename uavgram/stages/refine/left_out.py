@@ -167,8 +167,8 @@ def report_control_exchanged(
         "warning",
         "control-exchanged",
         f"The coordinates of the control points {points} seem to be exchanged: everything else "
-        f"fits if each has those of the other. {instead}Look at the list, and at which point is "
-        "which in the photos. The results use the exchanged coordinates.",
+        f"fits if each has those of the other. {instead}Check the list of control points, and "
+        "which point is which in the photos. The results use the exchanged coordinates.",
         labels=names,
         plain=f"{points} seem to have each other's coordinates.",
     )
