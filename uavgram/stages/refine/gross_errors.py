@@ -1447,13 +1447,13 @@ def _try_other_clicks(taking: Participants, candidate: Candidate) -> Iterator[Ca
     gross = gross[_are_ends(survey, survey.pick_label[gross])]
     if not 0 < len(gross) <= MOST_ALTERNATIVES:
         return
-    whole = _add_small_roughness(taking)
+    whole, patience = _add_small_roughness(taking), _choose_patience(taking, [candidate])
     place = survey.pick_frame * len(survey.label) + survey.pick_label
     for pick in gross.tolist():
         others = np.setdiff1d(np.flatnonzero(whole.keep & (place == place[pick])), pick)
         if len(others):
             rest = whole.leave_out_picks(dict.fromkeys(others.tolist(), DISAGREEING))
-            yield from _adjust_from_reduced(rest, whole, taking)
+            yield from _adjust_from_reduced(rest, whole, taking, patience)
 
 
 def _are_ends(survey: Survey, label: Ints) -> Bools:

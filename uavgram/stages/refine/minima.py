@@ -92,6 +92,9 @@ def describe_weakness(survey: Survey, values: FirstValues, line_used: Bools) -> 
 RIVAL_PROBABILITY = 0.001
 """Probability below which an alternative's extra cost rules it out."""
 
+MAX_RIVAL_COST = float(chdtri(1, RIVAL_PROBABILITY))
+"""Extra cost of that probability: likelihood ratio test with one degree of freedom."""
+
 MAX_RETRIES, MIN_RETRY_GAIN = 3, 1.0
 """Rounds in which frames in doubt begin again; decrease of the cost that justifies another
 round."""
@@ -266,8 +269,10 @@ def _minima_from_other_poses(
         tried.extend((survey, one) for one in found)
         return found
 
+    # Others are neither better than the present ones nor rivals of them.
+    least = cost_with_lost(refined, int(taking.keep.sum())) + MAX_RIVAL_COST
     with suppress(GeometryError):
-        return find_minima_from(taking, begin, most)
+        return find_minima_from(taking, begin, most._replace(goal=min(most.goal, least)))
     return None
 
 
@@ -379,14 +384,17 @@ def _find_minima(
     most = patience.several if len(starts) > 1 else patience.single
     if most is None:
         most = max_iterations(survey.calibration)
-    found, loose = [], []
+    found, loose, goal = [], [], patience.goal
     undetermined: GeometryError | None = None
     for values in starts:
         try:
-            found.append(_minimise(survey, values, line_used, most, patience.goal))
+            found.append(_minimise(survey, values, line_used, most, goal))
         except GeometryError as error:  # one start may be where two solutions merge
             undetermined = undetermined or error
             loose.append(values)
+            continue
+        # A minimum above this limit is neither the best one nor a rival.
+        goal = min(goal, found[-1][1].cost + MAX_RIVAL_COST)
     if undetermined is not None and not found:
         raise undetermined
     found.sort(key=lambda minimum: minimum[1].cost)
@@ -395,7 +403,7 @@ def _find_minima(
     rivals = [one for one in found[1:] if one[1].converged]
     for values in loose:
         with suppress(GeometryError):  # undetermined even with damping
-            rivals.append(_minimise(survey, values, line_used, most, patience.goal, DAMPING))
+            rivals.append(_minimise(survey, values, line_used, most, goal, DAMPING))
     for problem, minimum in rivals:
         if _is_rival(minimum, minima):
             minima.append(_adjustment(problem, minimum))
@@ -451,8 +459,7 @@ def _adjustment(problem: SurveyProblem, minimum: Minimum[State]) -> Adjustment:
 
 def _is_rival(minimum: Minimum[State], minima: list[Adjustment]) -> bool:
     """Return whether a minimum fits nearly as well as the first, and differs from all."""
-    # Likelihood ratio test with one degree of freedom.
-    limit = minima[0].minimum.cost + float(chdtri(1, RIVAL_PROBABILITY))
+    limit = minima[0].minimum.cost + MAX_RIVAL_COST
     return minimum.cost < limit and all(_apart(known, minimum.state) for known in minima)
 
 
