@@ -24,7 +24,7 @@ import numpy as np
 
 from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_each
 from uavgram.geometry.ground.plane import factor_homographies, make_homography_rows, mirror_plane
-from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.rotation import cross, exp_so3, hat
 from uavgram.model.arrays import Bools, Floats, Ints
 
 
@@ -89,13 +89,13 @@ class LineRows(NamedTuple):
         away = -np.broadcast_to(center[:, None], ray.shape)
         away = away + np.concatenate([self.start_m[which], ray[..., 2:] * 0.0], axis=-1)
         # Normal of the plane through camera and line, in the camera's axes.
-        normal = _rotate_back(turn, np.cross(along, away))
+        normal = _rotate_back(turn, cross(along, away))
         world = (turn @ ray[..., None])[..., 0]
         down = np.where((world[..., 2] < 0) & (center[:, 2:] > 0), world[..., 2], np.nan)
         miss = np.sum(normal * ray, axis=-1)
         by_noise = (root.swapaxes(-1, -2) @ normal[..., :2, None])[..., 0]
         variance = np.sum(by_noise**2, axis=-1) + (self.sigma_m[which] * down) ** 2
-        miss_by = np.concatenate([-np.cross(world, along), np.cross(ray, normal)], axis=-1)
+        miss_by = np.concatenate([-cross(world, along), cross(ray, normal)], axis=-1)
         # d normal / d centre = -R^T hat(u), / d rotation = hat(normal)
         normal_by = np.concatenate([-turn.swapaxes(-1, -2) @ hat(along), hat(normal)], axis=-1)
         half = np.einsum("bnij,bnj,bnik->bnk", root, by_noise, normal_by[..., :2, :])
@@ -138,9 +138,9 @@ def make_ray_problem(ray: Floats, across: Floats, world_m: Floats) -> ExplicitPr
 def compute_across_axes(ray: Floats) -> Floats:
     """Return two unit vectors (..., 2, 3) perpendicular to a third (..., 3) and to each other."""
     least = np.eye(3)[np.argmin(np.abs(ray), axis=-1)]
-    first = np.cross(ray, least)
+    first = cross(ray, least)
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    return np.stack([first, np.cross(ray, first)], axis=-2)
+    return np.stack([first, cross(ray, first)], axis=-2)
 
 
 def compute_ray_residuals(

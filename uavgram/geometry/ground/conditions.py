@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.geometry.motion.rotation import cross
 from uavgram.model.arrays import Floats
 
 STEEP_RISE = 0.7
@@ -50,14 +51,14 @@ def line_axes(line: Floats) -> LineAxes:
     # up x along points to the left. For a steep line north x along is used, which is east of an
     # upward line.
     reference = np.where(steep[..., None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
-    aside, size = unit_vectors(np.cross(reference, along))
+    aside, size = unit_vectors(cross(reference, along))
     # Chain rule through the cross products and the normalisation.
     along_by_line = _square_to(along, length)
-    across_by_line = np.cross(reference[..., None, :], along_by_line.swapaxes(-1, -2))
+    across_by_line = cross(reference[..., None, :], along_by_line.swapaxes(-1, -2))
     aside_by_line = _square_to(aside, size) @ across_by_line.swapaxes(-1, -2)
-    turned = np.cross(along_by_line.swapaxes(-1, -2), aside[..., None, :])
-    turned = turned + np.cross(along[..., None, :], aside_by_line.swapaxes(-1, -2))
-    upward = np.cross(along, aside)
+    turned = cross(along_by_line.swapaxes(-1, -2), aside[..., None, :])
+    turned = turned + cross(along[..., None, :], aside_by_line.swapaxes(-1, -2))
+    upward = cross(along, aside)
     return LineAxes(along, aside, upward, along_by_line, aside_by_line, turned.swapaxes(-1, -2))
 
 
@@ -185,7 +186,7 @@ def right_angle(points: Floats) -> Residuals:
     points = _check_points(points, 3, 3)
     legs, length = unit_vectors(points[..., [0, 2], :] - points[..., [1], :])
     cosine = np.sum(legs[..., 0, :] * legs[..., 1, :], axis=-1)
-    sine = np.linalg.norm(np.cross(legs[..., 0, :], legs[..., 1, :]), axis=-1)
+    sine = np.linalg.norm(cross(legs[..., 0, :], legs[..., 1, :]), axis=-1)
     # d angle / d end: unit vector square to the leg, over the leg's length.
     towards, _ = unit_vectors(legs[..., ::-1, :] - cosine[..., None, None] * legs)
     ends = towards / length[..., None]  # towards the other leg, where the angle decreases
@@ -290,13 +291,13 @@ def coplanar(points: Floats) -> Residuals:
     points = _check_points(points, 4)
     first = points[..., 0, :]
     a, b = points[..., 1, :] - first, points[..., 2, :] - first
-    normal, size = unit_vectors(np.cross(a, b))
+    normal, size = unit_vectors(cross(a, b))
     offset = points[..., 3:, :] - first[..., None, :]
     value = np.sum(offset * normal[..., None, :], axis=-1)
     # The normal turns with a and b: dn = (I - n n^T) (da x b + a x db) / |a x b|, and only the
     # offset's part within the plane, o, sees it: o . (da x b) = da . (b x o).
     within = (offset - value[..., None] * normal[..., None, :]) / size[..., None, None]
-    by_a, by_b = np.cross(b[..., None, :], within), np.cross(within, a[..., None, :])
+    by_a, by_b = cross(b[..., None, :], within), cross(within, a[..., None, :])
     count = points.shape[-2]
     gradient = np.zeros((*value.shape, count, 3))
     gradient[..., 1, :], gradient[..., 2, :] = by_a, by_b

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.motion.rotation import lengths_of
+from uavgram.geometry.motion.rotation import cross, lengths_of
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementKind
 
@@ -80,8 +80,8 @@ def area(points: Floats) -> Measured:
     points = require_points(points, at_least=3)
     local = points - points.mean(axis=0)  # avoids cancellation far from the origin
     after, before = np.roll(local, -1, axis=0), np.roll(local, 1, axis=0)
-    normal, size = _unit(0.5 * np.cross(local, after).sum(axis=0))
-    return mask_undefined(float(size), 0.5 * np.cross(after - before, normal))
+    normal, size = _unit(0.5 * cross(local, after).sum(axis=0))
+    return mask_undefined(float(size), 0.5 * cross(after - before, normal))
 
 
 def angle(points: Floats) -> Measured:
@@ -102,7 +102,7 @@ def angle(points: Floats) -> Measured:
     legs, lengths = _unit(points[[0, 2]] - points[1])
     cosine = float(legs[0] @ legs[1])
     # Kahan: atan2 is accurate where the arc cosine loses digits.
-    value = float(np.arctan2(np.linalg.norm(np.cross(legs[0], legs[1])), cosine))
+    value = float(np.arctan2(np.linalg.norm(cross(legs[0], legs[1])), cosine))
     across, _ = _unit(legs[::-1] - cosine * legs)  # from each leg towards the other
     ends = -across / lengths[:, None]
     return mask_undefined(value, np.stack([ends[0], -ends.sum(axis=0), ends[1]]))
@@ -147,14 +147,14 @@ def plane_distance(points: Floats) -> Measured:
     """
     points = require_points(points, exactly=4)
     legs = points[2:] - points[1]
-    across = np.cross(legs[0], legs[1])
+    across = cross(legs[0], legs[1])
     normal, size = _unit(across)
     if not size > IN_LINE * np.linalg.norm(legs, axis=1).prod():
         return mask_undefined(np.nan, np.zeros_like(points))
     offset = points[0] - points[1]
     # Foot of the point on the plane: its coefficients along the two legs (Cramer's rule).
-    second = float(np.cross(offset, legs[1]) @ normal / size)
-    third = float(np.cross(legs[0], offset) @ normal / size)
+    second = float(cross(offset, legs[1]) @ normal / size)
+    third = float(cross(legs[0], offset) @ normal / size)
     weight = np.array([1.0, second + third - 1.0, -second, -third])
     return mask_undefined(float(offset @ normal), weight[:, None] * normal)
 

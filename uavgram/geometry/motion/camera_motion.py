@@ -42,6 +42,7 @@ import numpy as np
 
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
 from uavgram.geometry.motion.rotation import (
+    cross,
     exp_with_right_jacobian,
     hat,
     log_so3,
@@ -239,10 +240,10 @@ def compute_row_share(row_px: Floats, height_px: int) -> Floats:
 def rotate_vector(turn: Floats, vector: Floats) -> Floats:
     """Compute exp(turn) vector (..., 3) by Rodrigues' formula, without a matrix for each."""
     angle = np.linalg.norm(turn, axis=-1)[..., None]
-    across = np.cross(turn, vector)
+    across = cross(turn, vector)
     once = np.sinc(angle / np.pi)
     twice = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2
-    return np.asarray(vector + once * across + twice * np.cross(turn, across))
+    return np.asarray(vector + once * across + twice * cross(turn, across))
 
 
 BODY_FROM_GIMBAL: Floats = matrix_from_ypr(0.0, -np.pi / 2, 0.0)

@@ -22,6 +22,20 @@ def lengths_of(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))
 
 
+_NEXT, _AFTER_NEXT = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Compute cross products (..., 3) of vectors, whose other axes broadcast.
+
+    For a few vectors numpy's `cross` takes four times as long.
+    """
+    return np.asarray(
+        a.take(_NEXT, axis=-1) * b.take(_AFTER_NEXT, axis=-1)
+        - a.take(_AFTER_NEXT, axis=-1) * b.take(_NEXT, axis=-1)
+    )
+
+
 def _constant(rows: list[list[float]]) -> Floats:
     matrix = np.array(rows)
     matrix.flags.writeable = False

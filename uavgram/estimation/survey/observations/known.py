@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.known_kinds import ALL_KINDS, AlikeThings, KnownResiduals
+from uavgram.estimation.survey.known_kinds import ALL_KINDS, AlikeThings
 from uavgram.estimation.survey.observations.observation import (
     ErrorSource,
     Kind,
@@ -95,8 +96,33 @@ class KnownRows(NamedTuple):
         return np.diag(self.sigma[rows] ** 2)
 
 
+class KnownArrangement(NamedTuple):
+    """Arrangement of N known things in R rows, which depends on no unknown.
+
+    Attributes
+    ----------
+    label
+        (N, k) points of each. All have as many as the thing with the most: others repeat their
+        first point, without a derivative.
+    row, sigma, columns
+        (R,) thing of each row, (R,) its sigma, and (R, m) the unknowns.
+    is_from_ground
+        Whether any is measured from the ground straight below its points.
+    alike
+        Groups of things that are alike: first row and index of each, the things, and whether they
+        are on the ground.
+    """
+
+    label: Ints
+    row: Ints
+    sigma: Floats
+    columns: Ints
+    is_from_ground: bool
+    alike: list[tuple[Ints, Ints, tuple[KnownThing, ...], bool]]
+
+
 def compute_known_rows(
-    problem: SurveyProblem, state: State, things: Sequence[KnownThing]
+    problem: SurveyProblem, state: State, things: Sequence[KnownThing] | KnownArrangement
 ) -> KnownRows:
     """Compute the rows of known things.
 
@@ -107,35 +133,32 @@ def compute_known_rows(
     state
         Values of the unknowns.
     things
-        At least one known thing; its labels are those of the likelihood's survey.
-
-    Notes
-    -----
-    All rows have as many points as the thing with the most: others repeat their first point,
-    without a derivative.
+        At least one known thing, or the arrangement of such things; their labels are those of the
+        likelihood's survey.
     """
-    most = max(len(thing.label) for thing in things)
-    label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
+    of = things if isinstance(things, KnownArrangement) else arrange_things(problem, things)
+    label, row = of.label, of.row
     world, by_world = _locate(problem.world_points(state, label.ravel()), label)
     feet, by_feet = world, by_world
-    if any(ALL_KINDS[thing.kind].is_from_ground(thing) for thing in things):
+    if of.is_from_ground:
         feet, by_feet = _locate(problem.ground_points(state, label.ravel()), label)
-    row = find_things_of_rows(problem.survey, things)
     value, rough = np.zeros((2, len(row)))
-    by_point, by_foot = np.zeros((2, len(row), most, 3))
+    by_point, by_foot = np.zeros((2, *label[row].shape, 3))
     joint: list[tuple[Ints, Floats]] = []
-    for rows, found in _departures(problem.survey, things, row, world, feet):
-        k = found.by_point.shape[2]
+    for first, own, some, flat in of.alike:
+        k = len(some[0].label)
+        found = ALL_KINDS[some[0].kind].departures(
+            AlikeThings(some, world[own, :k], feet[own, :k], flat, problem.survey)
+        )
+        rows = first[:, None] + np.arange(found.value.shape[1])
         value[rows], by_point[rows, :k] = found.value, found.by_point
         if found.by_foot is not None and found.rough is not None:
             by_foot[rows, :k], rough[rows] = found.by_foot, found.rough
         if found.covariance is not None:
             joint += zip(rows, found.covariance, strict=True)
-    sigma = np.hypot(np.array([thing.sigma for thing in things])[row], rough)
+    sigma = np.hypot(of.sigma, rough)
     for rows, covariance in joint:
         sigma[rows] = np.sqrt(np.diag(covariance))
-    point, plane = problem.layout.point_columns(label.ravel()), problem.plane_columns(label.ravel())
-    columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
     # Chain rule: derivatives by points and ground points times theirs by the unknowns.
     gradient = np.einsum("rpi,rpij->rpj", by_point, by_world[row])
     gradient += np.einsum("rpi,rpij->rpj", by_foot, by_feet[row])
@@ -144,30 +167,37 @@ def compute_known_rows(
         sigma=sigma,
         value=value,
         gradient=gradient.reshape(len(row), -1),
-        columns=columns[row],
+        columns=of.columns,
         label=label[row],
         by_up=by_point[..., 2] + by_foot[..., 2],
         joint=tuple(joint),
     )
 
 
-def _departures(
-    survey: Survey, things: Sequence[KnownThing], row: Ints, world: Floats, feet: Floats
-) -> Iterator[tuple[Ints, KnownResiduals]]:
-    """Yield rows (N, m) of things that are alike, and their residuals."""
+def arrange_things(problem: SurveyProblem, things: Sequence[KnownThing]) -> KnownArrangement:
+    """Arrange known things in rows: what is the same at all values of the unknowns."""
+    most = max(len(thing.label) for thing in things)
+    label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
+    row = find_things_of_rows(problem.survey, things)
     first = np.searchsorted(row, np.arange(len(things)))
-    alike: dict[tuple[object, ...], list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     for i, thing in enumerate(things):
-        flat, line = is_on_ground(survey, thing), thing.position
-        key = thing.kind, len(thing.label), flat, thing.value == 0.0, line and line.has_height
-        alike.setdefault(key, []).append(i)
-    for own in alike.values():
-        some, k = tuple(things[i] for i in own), len(things[own[0]].label)
-        flat = is_on_ground(survey, some[0])
-        found = ALL_KINDS[some[0].kind].departures(
-            AlikeThings(some, world[own, :k], feet[own, :k], flat, survey)
-        )
-        yield first[own][:, None] + np.arange(found.value.shape[1]), found
+        flat, line = is_on_ground(problem.survey, thing), thing.position
+        key = flat, thing.kind, len(thing.label), thing.value == 0.0, line and line.has_height
+        groups.setdefault(key, []).append(i)
+    point, plane = problem.layout.point_columns(label.ravel()), problem.plane_columns(label.ravel())
+    columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
+    return KnownArrangement(
+        label=label,
+        row=row,
+        sigma=np.array([thing.sigma for thing in things])[row],
+        columns=columns[row],
+        is_from_ground=any(ALL_KINDS[thing.kind].is_from_ground(thing) for thing in things),
+        alike=[
+            (first[own], np.array(own), tuple(things[i] for i in own), bool(key[0]))
+            for key, own in groups.items()
+        ],
+    )
 
 
 def _locate(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
@@ -235,7 +265,11 @@ class Known(Observation):
         return Block(residual, each[0].columns, np.stack(jacobian))
 
     def _compute_rows(self, state: State) -> KnownRows:
-        return compute_known_rows(self.problem, state, self.problem.known)
+        return compute_known_rows(self.problem, state, self._arrangement)
+
+    @cached_property
+    def _arrangement(self) -> KnownArrangement:
+        return arrange_things(self.problem, self.problem.known)
 
     def sigma(self, found: Minimum[State]) -> Floats:
         """Return the (R, 1) standard deviations, each in its unit."""

@@ -18,7 +18,7 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.camera_motion import compute_row_share
-from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.rotation import cross, exp_so3, hat
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey import Survey
 
@@ -208,7 +208,7 @@ def compute_sighting_rows(
         # d/da of exp(-s) R^T (X - centre - a v), s = a w + t: camera x J w - R_row^T v, with J the
         # left Jacobian of the rotation exp(-s); by the turning t itself: camera x J
         left = _left_jacobian(-moved[..., 3:])
-        by_time = np.cross(camera, np.einsum("...ij,...j->...i", left, motion[:, 3:]))
+        by_time = cross(camera, np.einsum("...ij,...j->...i", left, motion[:, 3:]))
         by_time -= np.einsum("...ij,...j->...i", camera_from_world, velocity)
         by_rest.append((share * by_time)[..., None])
         if problem.layout.turning:

@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.estimation.first_poses.resection import resect_from_plane
 from uavgram.estimation.reliability.redundancy import compute_core_fit
+from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -132,7 +133,7 @@ def readjust_corrected(
     goal
         Sum of squares above which a result is of no use.
     """
-    most = Patience(goal=goal)
+    most = Patience(MAX_ITERATIONS, MAX_ITERATIONS, goal)
     present = diagnosis.adjustment
     survey = remove_known(widen_poses(taking.survey, taking.pose_widened), taking.known_removed)
     selection = select_picks(survey, taking.keep)
