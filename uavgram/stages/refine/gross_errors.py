@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, combinations, islice
 
 import numpy as np
@@ -580,8 +581,10 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     First values without some of the observations are tried where the earlier ones lead to no
     agreement.
     """
+    exchanged: set[tuple[str, int, int]] = set()
+    try_exchanged_readings = partial(_try_exchanged_readings, exchanged)
     found = _sort_by_cost(taking, _adjust_from_softened(taking))
-    found = _sort_by_cost(taking, chain(found, _try_exchanged_readings(taking, found)))
+    found = _sort_by_cost(taking, chain(found, try_exchanged_readings(taking, found)))
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
@@ -593,7 +596,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     searches = [_try_without_references, _try_without_photos]
     if not found or found[0].doubts_a_photo():
         searches.reverse()
-    last = (_try_exchanged_readings, _try_without_two_lengths)
+    last = (try_exchanged_readings, _try_without_two_lengths)
     for search in (_try_without_suspects, *searches, *last):
         best = found[:1]
         for candidate in search(taking, found):
@@ -812,7 +815,7 @@ def _sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list
 
 
 def _try_exchanged_readings(
-    taking: Participants, found: Sequence[Candidate]
+    tried: set[tuple[str, int, int]], taking: Participants, found: Sequence[Candidate]
 ) -> Iterator[Candidate]:
     """Adjust with the readings of two lengths, or the coordinates of two control points, exchanged.
 
@@ -824,6 +827,8 @@ def _try_exchanged_readings(
 
     Parameters
     ----------
+    tried
+        Kind and rows of exchanges that were tried before; those of this call are added.
     taking
         Participating observations.
     found
@@ -833,7 +838,8 @@ def _try_exchanged_readings(
         return
     goal = found[0].cost(taking) + MAX_RIVAL_INCREASE if found else np.inf
     survey = taking.survey
-    for pair in _list_control_to_exchange(taking, found):
+    control = _list_control_to_exchange(taking, found)
+    for pair in _choose_untried("control", control, tried):
         world_m, sigma_m = survey.control_world_m.copy(), survey.control_sigma_m.copy()
         world_m[pair], sigma_m[pair] = world_m[pair[::-1]], sigma_m[pair[::-1]]
         other = replace(survey, control_world_m=world_m, control_sigma_m=sigma_m)
@@ -843,7 +849,7 @@ def _try_exchanged_readings(
         for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal), again=True):
             if one.leaves_out_nothing() or not found:
                 yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
-    for pair in _list_lengths_to_exchange(taking):
+    for pair in _choose_untried("lengths", _list_lengths_to_exchange(taking), tried):
         length_m = survey.length_m.copy()
         length_m[pair] = length_m[pair[::-1]]
         reduced = replace(taking, survey=replace(survey, length_m=length_m))
@@ -854,6 +860,16 @@ def _try_exchanged_readings(
             is_determined = _adjust_without_candidate(one) is not None
             if one.leaves_out_nothing() and is_determined:
                 yield replace(one, price=LENGTH_EXCHANGE_COST)
+
+
+def _choose_untried(
+    kind: str, pairs: Iterable[list[int]], tried: set[tuple[str, int, int]]
+) -> Iterator[list[int]]:
+    """Choose the pairs of rows of a kind that were not tried before, and add them to those."""
+    for first, second in pairs:
+        if (kind, first, second) not in tried:
+            tried.add((kind, first, second))
+            yield [first, second]
 
 
 def _list_control_to_exchange(

@@ -197,11 +197,17 @@ def find_best_minima(taking: Participants, most: Patience = FULL) -> Refined:
     `pick_reason` of the result holds the reasons. The rest is adjusted. Without telemetry, frames
     in doubt begin again in another pose, without an influence on the poses of others.
     """
-    refined = find_minima_from(taking, find_first_values, most)
+    tried: list[tuple[Survey, FirstValues]] = []
+
+    def begin(survey: Survey) -> list[FirstValues]:
+        found = find_first_values(survey)
+        tried.extend((survey, one) for one in found)
+        return found
+
+    refined = find_minima_from(taking, begin, most)
     if taking.survey.telemetry is not None:
         return refined
     picks = int(taking.keep.sum())
-    tried: list[tuple[Survey, FirstValues]] = []
     for _ in range(MAX_RETRIES):
         doubtful = find_doubtful_frames(taking.survey, refined)
         other = (
@@ -243,7 +249,7 @@ def _minima_from_other_poses(
 ) -> Refined | None:
     """Adjust from other poses of the frames in doubt; None where none of them is new.
 
-    Where all frames are in doubt, the frames that begin are the same again, and so are all minima.
+    First values that were tried before lead to the same minima.
 
     Parameters
     ----------
@@ -256,15 +262,16 @@ def _minima_from_other_poses(
     most
         Largest numbers of iterations.
     tried
-        Surveys and first values of earlier rounds; those of this round are added.
+        Surveys and first values so far; those of this round are added.
     """
     state, names = refined.adjustment.state, refined.adjustment.survey.frame_id
     known = {name: (state.center[k], state.rotation[k]) for k, name in enumerate(names)}
     before = tuple(tried)
 
     def begin(survey: Survey) -> list[FirstValues]:
-        found = find_other_first_values(survey, known, doubtful)
-        if all(any(_is_again(survey, one, *old) for old in before) for one in found):
+        every = find_other_first_values(survey, known, doubtful)
+        found = [one for one in every if not any(_is_again(survey, one, *old) for old in before)]
+        if not found:
             raise GeometryError("all first values were tried before")
         tried.extend((survey, one) for one in found)
         return found
