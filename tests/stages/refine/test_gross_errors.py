@@ -9,7 +9,7 @@ the environment raises it:
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -29,6 +29,7 @@ from scenes import Scene, make_scene
 from whole_surveys import all_of, with_all
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.first_values import FirstValues
 from uavgram.estimation.reliability.redundancy import GROSS_SIGMAS
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
@@ -37,7 +38,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import Survey
-from uavgram.stages.refine import gross_errors, robust_adjustment
+from uavgram.stages.refine import gross_errors, minima, robust_adjustment
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, Patience, find_best_minima
 from uavgram.stages.refine.robust_adjustment import ZERO_WEIGHT
@@ -253,6 +254,66 @@ def test_one_gross_error_costs_four_adjustments_and_those_of_two_starts(
     assert (
         counted.weighted <= len(robust_adjustment.SCHEDULE) + 1 + 2 * robust_adjustment.MOST_ROUNDS
     )
+
+
+def test_no_two_readings_are_exchanged_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, wrong = survey_with("length by 2 m", {**NO_LOG, "lines": 4}, 0)
+    tried: list[bytes] = []
+
+    def adjust(reduced: Participants, *_: object, again: bool = False) -> Iterator[object]:
+        if again:
+            tried.append(reduced.survey.length_m.tobytes())
+        return iter(())
+
+    monkeypatch.setattr(gross_errors, "_adjust_from_softened", lambda _: iter(()))
+    monkeypatch.setattr(gross_errors, "_adjust_from_reduced", adjust)
+    adjust_robustly(all_of(wrong.survey))
+    assert len(tried) == len(set(tried)) > 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_first_values_are_adjusted_once_also_where_frames_in_doubt_begin_again(
+    monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    survey, _ = swapped_in_one_photo(make_scene(seed, **NO_LOG))
+    tried: list[tuple[bytes, ...]] = []
+    begun: list[int] = []
+    minimise, other = minima._minimise, minima.find_other_first_values
+
+    def record(survey: Survey, values: FirstValues, *rest: Any) -> Any:  # noqa: ANN401
+        tried.append((survey.pixel_px.tobytes(), *(np.asarray(one).tobytes() for one in values)))
+        return minimise(survey, values, *rest)
+
+    def begin(*of: Any) -> list[FirstValues]:  # noqa: ANN401
+        found = other(*of)
+        begun.append(len(found))
+        return found
+
+    monkeypatch.setattr(minima, "_minimise", record)
+    monkeypatch.setattr(minima, "find_other_first_values", begin)
+    find_best_minima(all_of(survey))
+    assert begun
+    assert len(tried) == len(set(tried))
+
+
+def test_further_first_values_are_given_up_where_they_lead_to_no_better_minimum(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    survey, _ = swapped_in_one_photo(make_scene(0, **NO_LOG))
+    found: list[tuple[float, float]] = []
+    minimise = minima._minimise
+
+    def record(*of: Any) -> Any:  # noqa: ANN401
+        result = minimise(*of)
+        found.append((of[4], result[1].cost))
+        return result
+
+    monkeypatch.setattr(minima, "_minimise", record)
+    find_best_minima(all_of(survey))
+    goal, cost = np.array(found).T
+    least = np.minimum.accumulate(cost)[:-1]
+    assert len(least)
+    assert (goal[1:] <= least + minima.MAX_RIVAL_COST).all()
 
 
 # --- more than first values can bear ------------------------------------------------------------
