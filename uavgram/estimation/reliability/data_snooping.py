@@ -18,6 +18,7 @@ from uavgram.estimation.reliability.redundancy import (
     MIN_SUSPECT_REDUNDANCY,
     TestedGroup,
     compute_cofactors,
+    compute_critical_value,
 )
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -49,6 +50,8 @@ def find_suspicions(
     adjustment: Adjustment,
     groups: dict[str, TestedGroup],
     significance: float,
+    *,
+    is_shared: bool = True,
 ) -> Iterator[Suspicion]:
     """Yield observations that do not fit, largest statistic first; at most `MAX_SUSPECTS`.
 
@@ -59,10 +62,12 @@ def find_suspicions(
     groups
         Test statistics of its observations (see ``observed``).
     significance
-        Significance of the test of each single axis; many axes of one kind share it (see
-        `level_of_each`).
+        Significance of the test of each single axis.
+    is_shared
+        Whether many axes of one kind share it (see `compute_level`); not where another test has
+        shown that something is wrong.
     """
-    snooping = _Snooping(adjustment, groups, significance)
+    snooping = _Snooping(adjustment, groups, significance, is_shared)
     for _ in range(MAX_SUSPECTS):
         suspicion = snooping.next_one()
         if suspicion is None:
@@ -112,6 +117,7 @@ class _Snooping:
     adjustment: Adjustment
     groups: dict[str, TestedGroup]
     significance: float
+    is_shared: bool
     basis: list[Floats] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -125,7 +131,13 @@ class _Snooping:
         root = np.sqrt(self.whole)
         self.first_error = np.concatenate([g.w.ravel() for g in groups]) * root
         self.error = self.first_error.copy()
-        self.limit = np.concatenate([np.full(g.w.size, g.limit(self.significance)) for g in groups])
+        alone = compute_critical_value(self.significance)
+        self.limit = np.concatenate(
+            [
+                np.full(g.w.size, g.limit(self.significance) if self.is_shared else alone)
+                for g in groups
+            ]
+        )
 
     def next_one(self) -> Suspicion | None:
         """Find the next suspicion and set its observation aside; None if all observations fit."""
@@ -147,12 +159,7 @@ class _Snooping:
         ratio = self.whole[at] / np.maximum(self.whole, MIN_REDUNDANCY)
         is_likely = np.log(ratio) < MAX_DIFFERENCE
         group &= is_likely
-        odds = (
-            (w[at] ** 2 - w**2 < MAX_DIFFERENCE)
-            & (np.abs(w) > self.limit)
-            & self.accusable
-            & is_likely
-        )
+        odds = (w[at] ** 2 - w**2 < MAX_DIFFERENCE) & (np.abs(w) > self.limit) & is_likely
         rivals = np.setdiff1d(self.axes.observation[odds], self.axes.observation[group])
         suspicion = Suspicion(
             self.axes.member(at),
@@ -209,7 +216,7 @@ class _Snooping:
                 self._take_together(k, group, column, pivot, whole)
         whole[self.axes.observation[at]] = 1.0
         alike = (whole > MAX_CORRELATION**2)[self.axes.observation]
-        return np.asarray(alike & possible & self.accusable)
+        return np.asarray(alike & possible)
 
     def _take_together(
         self, k: int, group: TestedGroup, column: Floats, pivot: float, whole: Floats

@@ -110,7 +110,9 @@ def judge_survey(
     overall, overall_messages = _first_and_last(
         [judge_overall(*one, significance) for one in zip(both, each, strict=True)]
     )
-    groups, group_messages = _first_and_last([judge_groups(one, significance) for one in both])
+    groups, group_messages = _first_and_last(
+        [judge_groups(one, significance, examined.list_suspected_kinds()) for one in both]
+    )
     fit = compute_fit(refined, line_results, known, point_checks, overall, given=assembled.survey)
     return Judgement(
         examined=examined,

@@ -5,7 +5,7 @@ Priors of the telemetry are meant to be generous: they are left out, as they wou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from scipy.special import ndtr
@@ -169,7 +169,7 @@ generous, and surveys without errors are above it."""
 
 
 def judge_groups(
-    adjustment: Adjustment, significance: float
+    adjustment: Adjustment, significance: float, suspected: Collection[str] = ()
 ) -> tuple[tuple[GroupFactor, ...], tuple[Message, ...]]:
     """Compute the variance factor of each group of observations, and report misfits.
 
@@ -182,20 +182,40 @@ def judge_groups(
         The adjusted survey.
     significance
         Probability of a false suspicion in a survey without errors.
+    suspected
+        Groups with an observation that another message names.
     """
-    silent = not adjustment.minimum.converged
-    groups, messages = [], []
-    for name, block in adjustment.minimum.blocks.items():
-        kind = get_kind(name)
-        if kind.role == "construction" and not kind.is_judged:
-            continue
-        fit = compute_group_fit(block, adjustment.minimum.factor, adjustment.covariance)
-        groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
-        if fit.probability < significance and kind.check and not silent:
-            messages.append(_report_misfit(kind, fit.variance_factor, fit.probability))
+    groups = _compute_factors(adjustment)
+    messages: list[Message] = []
     if adjustment.minimum.converged:
+        misfits = find_misfit_groups(adjustment, significance)
+        messages += [
+            _report_misfit(get_kind(one.name), one.variance_factor, one.probability)
+            for one in misfits
+            if one.name not in suspected
+        ]
         messages += _report_wide_sigmas(adjustment, groups, significance)
     return tuple(groups), tuple(messages)
+
+
+def find_misfit_groups(adjustment: Adjustment, significance: float) -> list[GroupFactor]:
+    """Find the groups of observations whose variance factor is too large."""
+    return [
+        one
+        for one in _compute_factors(adjustment)
+        if one.probability < significance and get_kind(one.name).check
+    ]
+
+
+def _compute_factors(adjustment: Adjustment) -> list[GroupFactor]:
+    """Compute the variance factor of each group of observations that is judged."""
+    groups = []
+    for name, block in adjustment.minimum.blocks.items():
+        kind = get_kind(name)
+        if kind.role != "construction" or kind.is_judged:
+            fit = compute_group_fit(block, adjustment.minimum.factor, adjustment.covariance)
+            groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
+    return groups
 
 
 def _report_misfit(kind: Kind, factor: float, probability: float) -> Message:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.stages.judge.checks import Withheld
+from uavgram.stages.judge.fit import find_misfit_groups
 
 MIN_MOUNT_REDUNDANCY = 0.5
 """Redundancy of the camera's assumed direction above which the photos determine it."""
@@ -86,6 +88,11 @@ class TestedSurvey:
         are_known = len(self.suspicions) < MAX_SUSPECTS
         accused = [one.suspect for one in self.suspicions] if are_known else []
         return adjust_without(self.adjustment, accused)
+
+    def list_suspected_kinds(self) -> frozenset[str]:
+        """List the groups of observations that are suspected, or may be wrong instead."""
+        each = ((one.suspect, *one.group, *one.rivals) for one in self.suspicions)
+        return frozenset(member.kind for members in each for member in members)
 
     def suspect(self, kind: str) -> Bools:
         """Mark observations (n,) of a group that are suspected, alone or with others."""
@@ -233,8 +240,12 @@ def _suspicions(
     adjustment = refined.adjustment
     if not adjustment.minimum.converged:
         return ()
-    found = find_suspicions(adjustment, groups, significance)
-    return tuple(one for one in found if not _is_lone_tape(adjustment, one))
+    each = find_suspicions(adjustment, groups, significance)
+    found = tuple(one for one in each if not _is_lone_tape(adjustment, one))
+    if not found and find_misfit_groups(adjustment, significance):
+        # A single observation may spoil a whole group, such as the camera.
+        found = tuple(islice(find_suspicions(adjustment, groups, significance, is_shared=False), 1))
+    return found
 
 
 def _is_lone_tape(adjustment: Adjustment, suspicion: Suspicion) -> bool:

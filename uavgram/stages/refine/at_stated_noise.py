@@ -25,7 +25,10 @@ from uavgram.stages.refine.causes.hypothesis import (
     Diagnosis,
 )
 from uavgram.stages.refine.causes.identification import (
+    COMMON_ERRORS,
+    ERRORS_OF_ONLY_PHOTO,
     IdentifiedCauses,
+    add_possible,
     describe_possible,
     identify_causes,
     identify_common_errors,
@@ -59,6 +62,8 @@ class StatedNoiseAdjustment(NamedTuple):
         that leave it in use; a group for each cause.
     messages
         Messages on control, and on heights that no observation determines.
+    are_all_wrong
+        Whether the causes prove every participating pick wrong.
     """
 
     given: Survey
@@ -68,6 +73,7 @@ class StatedNoiseAdjustment(NamedTuple):
     causes: tuple[Cause, ...]
     explanations: tuple[tuple[Explanation, ...], ...]
     messages: tuple[Message, ...]
+    are_all_wrong: bool
 
 
 def adjust_at_stated_noise(
@@ -97,7 +103,8 @@ def adjust_at_stated_noise(
     )
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
     # Take errors common to all readings instead, where they explain more than these causes.
-    common = _find_common_errors(taking, robust, found)
+    of_photo, found = _compare_errors_of_only_photo(taking, robust, found)
+    common = of_photo or _find_common_errors(taking, robust, found)
     if common is not None:
         found = common
         if _are_all_left_out(given, robust, found):
@@ -114,7 +121,9 @@ def adjust_at_stated_noise(
         Diagnosis(find_participants(survey, refined), refined), found.causes
     )
     causes = (*found.causes, *elsewhere)
-    off_ground, left_out = list(robust.labels), list(robust.messages(given))
+    off_ground = list(robust.labels)
+    # What wrong picks of the only photo contradict is not at fault.
+    left_out = [] if of_photo else list(robust.messages(given))
     refined = replace(refined, pick_removed=removed)
     if up := find_freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
@@ -148,7 +157,14 @@ def adjust_at_stated_noise(
     explanations = (*explanations, other) if other else explanations
     refined = replace(refined, possible=describe_possible(found.possible))
     return StatedNoiseAdjustment(
-        given, survey, refined, off_ground, causes, explanations, (*left_out, *unseen)
+        given,
+        survey,
+        refined,
+        off_ground,
+        causes,
+        explanations,
+        (*left_out, *unseen),
+        are_all_wrong=found.wrong.issuperset(refined.pick_index.tolist()),
     )
 
 
@@ -183,15 +199,57 @@ def _find_common_errors(
     plain = adjust_on_trial(taking, FULL)
     if plain is None:
         return None
-    common = identify_common_errors(Diagnosis(find_participants(taking.survey, plain), plain))
+    diagnosis = Diagnosis(find_participants(taking.survey, plain), plain)
+    common = identify_common_errors(diagnosis, COMMON_ERRORS)
     if not common.causes:
         return None
-    # Compare the sums of squares, with the prices of the causes and of all that takes no part.
-    cost = found.cost + 2.0 * GROSS_ERROR_LOG_ODDS * (
-        robust.count_numbers() + _count_lost(taking, robust.refined)
-    )
-    common_cost = common.cost + 2.0 * GROSS_ERROR_LOG_ODDS * _count_lost(taking, plain)
+    cost = _add_price(found.cost, _count_lost(taking, robust.refined) + robust.count_numbers())
+    common_cost = _add_price(common.cost, _count_lost(taking, plain))
     return common if common_cost + 2.0 * SURE_LOG_ODDS < cost else None
+
+
+def _add_price(cost: float, numbers: int) -> float:
+    """Add the price of numbers that take no part to a sum of squares with the prices of causes."""
+    return cost + 2.0 * GROSS_ERROR_LOG_ODDS * numbers
+
+
+def _compare_errors_of_only_photo(
+    taking: Participants, robust: Robust, found: IdentifiedCauses
+) -> tuple[IdentifiedCauses | None, IdentifiedCauses]:
+    """Compare errors of all picks of the only photo with the gross errors and their causes.
+
+    Where all picks of the only photo are wrong, any pose of it is of no use.
+
+    Parameters
+    ----------
+    taking
+        All participating observations.
+    robust, found
+        Their robust adjustment, and its causes.
+
+    Returns
+    -------
+    The errors of the photo where they are likelier, else None; and the causes, with those errors
+    that are about as likely.
+    """
+    numbers = robust.count_numbers() + _count_lost(taking, robust.refined)
+    is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
+    if not is_alone or not (found.causes or found.left_out or numbers or not found.fits):
+        return None, found
+    left = find_participants(taking.survey, robust.refined)
+    diagnosis = Diagnosis(
+        replace(left, known_removed=taking.known_removed), robust.refined, robust.count_numbers()
+    )
+    of_photo = identify_common_errors(diagnosis, ERRORS_OF_ONLY_PHOTO)
+    if not of_photo.causes:
+        return None, add_possible(found, of_photo.possible)
+    difference = _add_price(found.cost, numbers) - of_photo.cost
+    if difference > 2.0 * SURE_LOG_ODDS:
+        return of_photo, found
+    if difference > -2.0 * SURE_LOG_ODDS:
+        judged = [replace(one, odds=difference / 2.0) for one in of_photo.judged]
+        found = add_possible(found, judged)
+    return None, found
 
 
 def _count_lost(taking: Participants, refined: Refined) -> int:

@@ -83,7 +83,7 @@ def find_first_values(survey: Survey) -> list[FirstValues]:
         if _is_any_placed(on_control):
             return on_control
         # Planes by lengths and control together, then by lengths alone: control may be wrong.
-        taped = _add_control_distances(shown)
+        taped = add_control_distances(shown)
         together = find_frame_planes(taped, _compute_rays(taped)).planes
         each = [
             {**planes, **together, frame: plane[None]}
@@ -363,7 +363,7 @@ def _state_control_heights(survey: Survey, height_m: float) -> Survey:
     return replace(survey, is_free=free, height_above_m=above)
 
 
-def _add_control_distances(survey: Survey) -> Survey:
+def add_control_distances(survey: Survey) -> Survey:
     """Add the distances between control points in one plane, as if they were taped.
 
     Of points on one line only the longest: the others say no more about the plane.

@@ -105,7 +105,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     search: list[Message] = []
     if options.outliers == "remove":
         refined, search = _remove_blunders(survey, refined, options.significance)
-    else:  # remove outliers at the learnt noise, too
+    elif not begun.are_all_wrong:  # remove outliers at the learnt noise, too
         robust = adjust_robustly(find_participants(survey, refined), refined)
         found_free = [*found_free, *robust.labels]
         search += robust.messages(survey)

@@ -139,3 +139,55 @@ def test_of_two_photos_without_a_log_nothing_shows_which_one_was_mirrored(
     offered = [one.words for one in (message.mend, *message.instead)]
     assert sorted(offered) == ["Put the picks of f0 back", "Put the picks of f1 back"]
     assert not any("the log" in one.text for one in messages)
+
+
+@pytest.mark.parametrize(
+    ("code", "shown"),
+    [
+        ("photo-mirrored", lambda u, v: (WIDTH - 1 - u, v)),
+        ("photo-turned", lambda u, v: (v, WIDTH - 1 - u)),
+    ],
+)
+def test_the_only_photo_that_was_mirrored_or_turned_is_named(
+    scene_factory: Callable[..., Scene],
+    code: str,
+    shown: Callable[[Floats, Floats], tuple[Floats, Floats]],
+) -> None:
+    """Its own points fit as well; only the log and control show it."""
+    survey = scene_factory(3001, **OPTIONS | {"frames": 1}, control=3).survey
+    wrong = replace(survey, pixel_px=np.stack(shown(*survey.pixel_px.T), axis=1))
+    _, messages = refine(wrong, SolveOptions(noise="stated"))
+    assert (messages[0].code, messages[0].frames) == (code, ("f0",))
+    assert not {"photo-mirrored", "photo-turned"} & {
+        one.code for one in refine(survey, SolveOptions(noise="stated"))[1]
+    }
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+def test_labels_of_the_only_photo_that_moved_on_by_one_are_named(
+    scene_factory: Callable[..., Scene], *, telemetry: bool
+) -> None:
+    pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (4, 5))
+    options = OPTIONS | {"frames": 1, "labels": 7, "lines": len(pairs), "spread": 4.0}
+    gauge = "world" if telemetry else "plane"
+    survey = scene_factory(3003, ends=pairs, telemetry=telemetry, gauge=gauge, **options).survey
+    wrong = replace(survey, pick_label=np.roll(survey.pick_label, 1))
+    refined, messages = refine(wrong, SolveOptions(noise="stated"))
+    assert messages[0].code == "labels-swapped"
+    mend = refined.causes[0].mend
+    assert mend is not None
+    assert correct_survey(wrong, mend).pick_label.tolist() == survey.pick_label.tolist()
+
+
+def test_swapped_labels_of_the_only_photo_are_found_by_log_control_and_two_lengths(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    """Two lengths determine no pose of their own."""
+    options = OPTIONS | {"frames": 1, "labels": 8, "lines": 2, "tilt": 0.05}
+    survey = scene_factory(3005, control=2, ends=((0, 1), (1, 2)), **options).survey
+    label = np.array(survey.pick_label)
+    swapped = {0: 6, 6: 0}  # 0 is a control point
+    wrong = replace(survey, pick_label=np.array([swapped.get(k, k) for k in label.tolist()]))
+    _, messages = refine(wrong, SolveOptions(noise="stated"))
+    assert messages[0].code == "labels-swapped-everywhere"
+    assert set(messages[0].labels) == {survey.label[k] for k in swapped}

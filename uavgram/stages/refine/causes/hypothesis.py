@@ -51,10 +51,14 @@ class Diagnosis(NamedTuple):
         Observations that take part, and those that were left out.
     refined
         Its adjustment.
+    others
+        Count of numbers of control, heights and the like that were left out, and take part again
+        with a hypothesis that changes the whole survey.
     """
 
     taking: Participants
     refined: Refined
+    others: int = 0
 
     @property
     def survey(self) -> Survey:
@@ -90,7 +94,7 @@ class Diagnosis(NamedTuple):
     def left_out(self) -> int:
         """Count of numbers that were left out because they contradict the rest."""
         poses = POSE_SIZE * len(self.refined.pose_widened)
-        return int(2 * self.spoilt.sum() + self.refined.line_removed.sum()) + poses
+        return int(2 * self.spoilt.sum() + self.refined.line_removed.sum()) + poses + self.others
 
     def count_readings(self) -> int:
         """Count what was left out because it contradicts the rest.

@@ -57,6 +57,9 @@ from uavgram.stages.refine.causes.trials import (
     try_hypothesis,
 )
 from uavgram.stages.refine.causes.turned_photos import (
+    propose_labels_moved_on,
+    propose_only_photo_mirrored,
+    propose_only_photo_turned,
     propose_photos_in_disorder,
     propose_photos_in_order,
     propose_photos_turned_together,
@@ -105,6 +108,13 @@ HYPOTHESES: tuple[Proposal, ...] = (
 )
 """Functions that propose hypotheses, by kind, for a survey that does not fit."""
 
+ERRORS_OF_ONLY_PHOTO: tuple[Proposal, ...] = (
+    propose_only_photo_mirrored,
+    propose_only_photo_turned,
+    propose_labels_moved_on,
+)
+"""Those on all picks of a survey with a single photo."""
+
 COMMON_ERRORS: tuple[Proposal, ...] = (
     propose_other_units,
     propose_common_errors,
@@ -147,6 +157,8 @@ class IdentifiedCauses(NamedTuple):
         Whether the corrected survey fits.
     left_out
         Number of its readings that were left out because they contradict the rest.
+    judged
+        Evidence of each cause.
     """
 
     causes: tuple[Cause, ...]
@@ -157,17 +169,22 @@ class IdentifiedCauses(NamedTuple):
     cost: float = np.inf
     fits: bool = False
     left_out: int = 0
+    judged: tuple[JudgedHypothesis, ...] = ()
 
 
-def identify_common_errors(diagnosis: Diagnosis) -> IdentifiedCauses:
+def identify_common_errors(
+    diagnosis: Diagnosis, hypotheses: Sequence[Proposal]
+) -> IdentifiedCauses:
     """Identify at most two errors, each common to all readings of a kind, or to all photos.
 
     Parameters
     ----------
     diagnosis
-        The survey with all its readings, as it is adjusted at the stated noise.
+        The survey with all its readings.
+    hypotheses
+        Functions that propose the errors.
     """
-    return _identify_in_turn(diagnosis, COMMON_ERRORS, most=2)
+    return _identify_in_turn(diagnosis, hypotheses, most=2)
 
 
 def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
@@ -193,6 +210,7 @@ def _identify_in_turn(
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     explanations: list[tuple[Explanation, ...]] = []
+    judged: list[JudgedHypothesis] = []
     wrong, possible = frozenset[int](), tuple[JudgedHypothesis, ...]()
     stated, price = diagnosis, 0.0
     for _ in range(most):
@@ -209,6 +227,7 @@ def _identify_in_turn(
             freed.append(_choose_release(best, rival))
             explanations.append(_list_explanations(diagnosis, best, others))
             wrong |= _list_wrong_picks(best, rival)
+            judged.append(best)
         if best.after is None:
             break
         diagnosis = _take_back(best.after)
@@ -222,6 +241,7 @@ def _identify_in_turn(
         cost=cost,
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
+        judged=tuple(judged),
     )
 
 
@@ -249,6 +269,17 @@ def _list_explanations(
     # A rival is reported as just as likely, and an equal correction fits as well.
     odds = max(one.odds for one in (best, *rivals))
     return tuple(Explanation(one.after.adjustment, odds) for one in judged if one.after is not None)
+
+
+def add_possible(found: IdentifiedCauses, possible: Sequence[JudgedHypothesis]) -> IdentifiedCauses:
+    """Add hypotheses that are about as likely as the causes, or as gross errors without a cause."""
+    causes = list(found.causes)
+    if causes and possible:
+        for other in describe_possible(possible):
+            message = _mention_rival(causes[0].message, other)
+            causes[0] = replace(causes[0], message=message, mend=None)
+        found = found._replace(causes=tuple(causes), wrong=frozenset())
+    return found._replace(possible=(*found.possible, *possible))
 
 
 def _list_wrong_picks(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> frozenset[int]:
@@ -288,8 +319,7 @@ def _cause(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> Cause:
     message = hypothesis.message(best.found)
     if rival is not None and rival.hypothesis.message is not None:
         other = rival.hypothesis.message(rival.found)
-        sentence = f"Or, just as likely: {other.split_text(': ')[0]}."
-        message = replace(_add_alternative(message, sentence), mentions=other.names())
+        message = _mention_rival(message, other)
     return Cause(
         message=message,
         # An ambiguous cause is reported, but not corrected.
@@ -331,6 +361,14 @@ def _mention_swap(message: Message, written: Survey, swapped: SurveyCorrection) 
         "which.",
     )
     return replace(either, labels=tuple(dict.fromkeys((*message.labels, *pair))))
+
+
+def _mention_rival(message: Message, rival: Message) -> Message:
+    """Mention another cause that is about as likely."""
+    sentence = f"Or, just as likely: {rival.split_text(': ')[0]}."
+    return replace(
+        _add_alternative(message, sentence), mentions=(*message.mentions, *rival.names())
+    )
 
 
 def _add_alternative(message: Message, sentence: str) -> Message:

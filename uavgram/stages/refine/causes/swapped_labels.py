@@ -103,7 +103,7 @@ def _rank_by_places(diagnosis: Diagnosis, wrong: Ints) -> list[tuple[tuple[int, 
 
 
 def _rank_by_other_poses(diagnosis: Diagnosis) -> list[tuple[tuple[int, int], float]]:
-    """List pairs of labels whose exchange lets all lengths of a photo fit in some pose.
+    """List pairs of labels whose exchange lets lengths and control of a photo fit in some pose.
 
     Returns
     -------
@@ -111,7 +111,8 @@ def _rank_by_other_poses(diagnosis: Diagnosis) -> list[tuple[tuple[int, int], fl
     """
     survey, picks = diagnosis.survey, find_picks_of_photo(diagnosis)
     shown = np.unique(survey.pick_label[picks])
-    ends = np.intersect1d(shown, np.union1d(survey.line_start, survey.line_end))
+    known = np.concatenate([survey.line_start, survey.line_end, survey.control_label])
+    ends = np.intersect1d(shown, known)
     if not len(ends) or len(shown) > MAX_LABELS:
         return []
     pairs = [(int(a), int(b)) for a in ends for b in shown if a < b or b not in ends]

@@ -21,9 +21,15 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import join_photo_names
-from uavgram.model.survey import Cause, SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
+from uavgram.model.survey import Cause, Survey, SurveyCorrection
+from uavgram.stages.refine.causes.hypothesis import (
+    GROSS_ERROR_LOG_ODDS,
+    Diagnosis,
+    Hypothesis,
+    find_usable_picks,
+)
 from uavgram.stages.refine.causes.label_assignment import assign_labels
+from uavgram.stages.refine.causes.other_poses import compute_decreases
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.gross_errors import EITHER
 
@@ -102,12 +108,14 @@ def propose_photos_in_order(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 def propose_turned_photos(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose that photos were mirrored or rotated when picked."""
     survey = diagnosis.survey
+    if len(find_picks_of_only_photo(diagnosis)):
+        return  # its own points are no evidence
     strained = find_photos_against_log(diagnosis)
     promise = dict.fromkeys(find_misplaced_photos(diagnosis).tolist(), 0.0) | strained
     for frame, gain in promise.items():
         name, only = survey.frame_id[frame], _find_only_other(diagnosis, frame)
         for how, turn in (MIRRORED | TURNED if only is None else EITHER_MIRRORED).items():
-            mend = _put_back(diagnosis, frame, turn)
+            mend = _put_back(survey, picks_of(diagnosis, frame), turn)
             if not _shows_the_ground(diagnosis, frame, mend.pixel_of_pick):
                 continue
             yield Hypothesis(
@@ -115,7 +123,7 @@ def propose_turned_photos(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
                 if only is None
                 else partial(_either_mirrored_message, (survey.frame_id[only], name)),
                 mend=mend,
-                equal=() if only is None else (_put_back(diagnosis, only, turn),),
+                equal=() if only is None else (_put_back(survey, picks_of(diagnosis, only), turn),),
                 is_clear=only is None,
                 promise=gain,
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
@@ -136,9 +144,8 @@ def _find_only_other(diagnosis: Diagnosis, frame: int) -> int | None:
     return None if other == frame else other
 
 
-def _put_back(diagnosis: Diagnosis, frame: int, turn: _Turn) -> SurveyCorrection:
-    """Correct the picks of a photo to their pixels in the original one."""
-    survey, picks = diagnosis.survey, picks_of(diagnosis, frame)
+def _put_back(survey: Survey, picks: Ints, turn: _Turn) -> SurveyCorrection:
+    """Correct picks of a photo to their pixels in the original one."""
     pixel = _rotate_back(survey.pixel_px[picks], turn, survey.calibration)
     places = zip(picks.tolist(), pixel.tolist(), strict=True)
     return SurveyCorrection(pixel_of_pick={pick: (u, v) for pick, (u, v) in places})
@@ -158,7 +165,7 @@ def propose_photos_turned_together(diagnosis: Diagnosis) -> Iterator[Hypothesis]
     for how, turn in (TURNED | MIRRORED).items():
         places: dict[int, tuple[float, float]] = {}
         for frame in frames:
-            places |= _put_back(diagnosis, frame, turn).pixel_of_pick
+            places |= _put_back(survey, picks_of(diagnosis, frame), turn).pixel_of_pick
         yield Hypothesis(
             message=partial(_turned_message, names, how),
             mend=SurveyCorrection(pixel_of_pick=places),
@@ -167,6 +174,77 @@ def propose_photos_turned_together(diagnosis: Diagnosis) -> Iterator[Hypothesis]
             price=float(np.log(len(MIRRORED) + len(TURNED))) + len(frames) * TURNED_LOG_ODDS,
             settles=frozenset([*names, *(survey.frame_id[k] for k in left_out)]),
         )
+
+
+def propose_only_photo_turned(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that the only photo was rotated when it was picked."""
+    return _propose_only_photo(diagnosis, TURNED)
+
+
+def propose_only_photo_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that the only photo was mirrored when it was picked."""
+    return _propose_only_photo(diagnosis, MIRRORED)
+
+
+def _propose_only_photo(diagnosis: Diagnosis, turns: Mapping[str, _Turn]) -> Iterator[Hypothesis]:
+    """Propose that the only photo was shown in another way.
+
+    It places its own points, so that only the log and control points show how it was shown.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis, with all readings.
+    turns
+        Ways in which it may have been shown.
+    """
+    survey, picks = diagnosis.survey, find_picks_of_only_photo(diagnosis)
+    if not len(picks) or (survey.telemetry is None and not len(survey.control_label)):
+        return
+    mends = [_put_back(survey, picks, turn) for turn in turns.values()]
+    decrease = compute_decreases(diagnosis, picks, mends)
+    name = survey.frame_id[survey.pick_frame[picks[0]]]
+    for how, mend, promise in zip(turns, mends, decrease.tolist(), strict=True):
+        yield Hypothesis(
+            message=partial(_turned_message, (name,), how),
+            mend=mend,
+            is_of_all=True,
+            promise=promise,
+            price=float(np.log(len(MIRRORED) + len(TURNED))) + TURNED_LOG_ODDS,
+            settles=frozenset([name, *survey.line_name]),
+        )
+
+
+def propose_labels_moved_on(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that each point of the only photo has the label of the next or previous one."""
+    survey, picks = diagnosis.survey, find_picks_of_only_photo(diagnosis)
+    # Labels in the order of their first clicks.
+    label, first = np.unique(survey.pick_label[picks], return_index=True)
+    order = label[np.argsort(first)]
+    if len(order) < MIN_PICKS:
+        return
+    moved: list[dict[int, int]] = []
+    for step in (-1, 1):
+        other = dict(zip(order.tolist(), np.roll(order, step).tolist(), strict=True))
+        moved.append({pick: other[survey.pick_label[pick]] for pick in picks.tolist()})
+    mends = [SurveyCorrection(label_of_pick=right) for right in moved]
+    decrease = compute_decreases(diagnosis, picks, mends)
+    for mend, promise in zip(mends, decrease.tolist(), strict=True):
+        yield Hypothesis(
+            message=partial(_disorder_message, diagnosis, mend.label_of_pick),
+            mend=mend,
+            is_of_all=True,
+            promise=promise,
+            price=float(np.log(len(mends))) + TURNED_LOG_ODDS,
+            settles=frozenset([survey.frame_id[survey.pick_frame[picks[0]]], *survey.line_name]),
+        )
+
+
+def find_picks_of_only_photo(diagnosis: Diagnosis) -> Ints:
+    """Find the usable picks (n,) of a single photo; none of several photos."""
+    picks = np.flatnonzero(find_usable_picks(diagnosis.taking))
+    is_single = len(np.unique(diagnosis.survey.pick_frame[picks])) == 1
+    return picks if is_single else picks[:0]
 
 
 def propose_photos_in_disorder(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
