@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,11 +29,13 @@ from uavgram.stages.refine.causes.identification import (
     COMMON_ERRORS,
     ERRORS_OF_ONLY_PHOTO,
     IdentifiedCauses,
+    Proposal,
     add_possible,
     describe_possible,
     identify_causes,
     identify_common_errors,
 )
+from uavgram.stages.refine.causes.swapped_labels import propose_swapped_pair
 from uavgram.stages.refine.causes.turned_photos import propose_photos_elsewhere
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
@@ -103,8 +106,8 @@ def adjust_at_stated_noise(
     )
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
     # Take errors common to all readings instead, where they explain more than these causes.
-    of_photo, found = _compare_errors_of_only_photo(taking, robust, found)
-    common = of_photo or _find_common_errors(taking, robust, found)
+    of_picks, found = _compare_with_gross_errors(taking, robust, found)
+    common = of_picks or _find_common_errors(taking, robust, found)
     if common is not None:
         found = common
         if _are_all_left_out(given, robust, found):
@@ -123,7 +126,7 @@ def adjust_at_stated_noise(
     causes = (*found.causes, *elsewhere)
     off_ground = list(robust.labels)
     # What wrong picks of the only photo contradict is not at fault.
-    left_out = [] if of_photo else list(robust.messages(given))
+    left_out = [] if of_picks else list(robust.messages(given))
     refined = replace(refined, pick_removed=removed)
     if up := find_freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
@@ -213,12 +216,13 @@ def _add_price(cost: float, numbers: int) -> float:
     return cost + 2.0 * GROSS_ERROR_LOG_ODDS * numbers
 
 
-def _compare_errors_of_only_photo(
+def _compare_with_gross_errors(
     taking: Participants, robust: Robust, found: IdentifiedCauses
 ) -> tuple[IdentifiedCauses | None, IdentifiedCauses]:
-    """Compare errors of all picks of the only photo with the gross errors and their causes.
+    """Compare errors of many picks with the gross errors and their causes.
 
-    Where all picks of the only photo are wrong, any pose of it is of no use.
+    Where all picks of the only photo are wrong, any pose of it is of no use. In place of exchanged
+    control points, their labels may be swapped.
 
     Parameters
     ----------
@@ -229,25 +233,28 @@ def _compare_errors_of_only_photo(
 
     Returns
     -------
-    The errors of the photo where they are likelier, else None; and the causes, with those errors
-    that are about as likely.
+    The errors of picks where they are likelier, else None; and the causes, with those errors that
+    are about as likely.
     """
     numbers = robust.count_numbers() + _count_lost(taking, robust.refined)
     is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
-    if not is_alone or not (found.causes or found.left_out or numbers or not found.fits):
+    proposals: tuple[Proposal, ...] = ERRORS_OF_ONLY_PHOTO if is_alone else ()
+    if robust.exchanged:
+        proposals += (partial(propose_swapped_pair, names=robust.exchanged),)
+    if not proposals or not (found.causes or found.left_out or numbers or not found.fits):
         return None, found
     left = find_participants(taking.survey, robust.refined)
     diagnosis = Diagnosis(
         replace(left, known_removed=taking.known_removed), robust.refined, robust.count_numbers()
     )
-    of_photo = identify_common_errors(diagnosis, ERRORS_OF_ONLY_PHOTO)
-    if not of_photo.causes:
-        return None, add_possible(found, of_photo.possible)
-    difference = _add_price(found.cost, numbers) - of_photo.cost
+    of_picks = identify_common_errors(diagnosis, proposals)
+    if not of_picks.causes:
+        return None, add_possible(found, of_picks.possible)
+    difference = _add_price(found.cost, numbers) - of_picks.cost
     if difference > 2.0 * SURE_LOG_ODDS:
-        return of_photo, found
+        return of_picks, found
     if difference > -2.0 * SURE_LOG_ODDS:
-        judged = [replace(one, odds=difference / 2.0) for one in of_photo.judged]
+        judged = [replace(one, odds=difference / 2.0) for one in of_picks.judged]
         found = add_possible(found, judged)
     return None, found
 

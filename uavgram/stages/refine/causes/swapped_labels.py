@@ -68,6 +68,19 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         )
 
 
+def propose_swapped_pair(diagnosis: Diagnosis, names: tuple[str, ...]) -> Iterator[Hypothesis]:
+    """Propose that two labels, by name, are swapped in all photos."""
+    survey, labels = diagnosis.survey, len(diagnosis.survey.label)
+    a, b = (survey.label.index(name) for name in names)
+    yield Hypothesis(
+        message=partial(_swapped_everywhere_message, diagnosis, (a, b), np.zeros(0, np.int64)),
+        mend=_exchange(survey, a, b),
+        is_of_all=True,
+        promise=diagnosis.cost,  # upper limit
+        price=float(np.log(labels * (labels - 1) / 2.0)),
+    )
+
+
 def _rank_by_places(diagnosis: Diagnosis, wrong: Ints) -> list[tuple[tuple[int, int], float]]:
     """List pairs of labels whose exchange lets lengths fit between the points as adjusted.
 
@@ -263,7 +276,8 @@ def _swapped_everywhere_message(
     which = f" ({', '.join(map(repr, names))})" if names else ""
     one = len(lines) == 1
     alone = f", or the length{which} is between other points" if one else ""
-    fit = f"{'The length' if one else f'{len(lines)} lengths'}{which} {'fits' if one else 'fit'}"
+    these = "everything else" if not len(lines) else f"{len(lines)} lengths"
+    fit = f"{'The length' if one else these}{which} {'fit' if len(lines) > 1 else 'fits'}"
     is_only = len(survey.frame_id) == 1
     where = f"in {survey.frame_id[0]!r}" if is_only else "in all photos"
     there = "there" if is_only else "everywhere"
@@ -271,7 +285,7 @@ def _swapped_everywhere_message(
         "warning",
         "labels-swapped-everywhere",
         f"The labels {first!r} and {second!r} seem to be swapped {where}{alone}: look which point "
-        f"is which, and swap the labels {there}. {fit} then.",
+        f"is which, and swap the labels {there}. {fit[:1].upper()}{fit[1:]} then.",
         frames=tuple(survey.frame_id[k] for k in frames),
         labels=(first, second),
         lengths=names,
