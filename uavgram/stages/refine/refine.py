@@ -30,7 +30,7 @@ from uavgram.stages.refine.causes.correction import apply_corrections
 from uavgram.stages.refine.causes.mirrored_photos import (
     PRIOR_LOG_ODDS,
     find_mirrored_solution,
-    report_undecided,
+    report_mirror_image,
 )
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.left_out import add_records, report_poses_left_out
@@ -133,7 +133,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     if mirrored is not None:
         mirrored_explanation = explain(refined.adjustment, mirrored, -PRIOR_LOG_ODDS)
         refined = replace(refined, explanations=(*refined.explanations, (mirrored_explanation,)))
-        search.append(report_undecided())
+        search.append(report_mirror_image(refined.adjustment, mirrored))
     # Report a point off the ground once, with its adjusted height.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
     messages = (

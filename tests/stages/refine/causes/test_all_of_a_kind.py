@@ -108,3 +108,10 @@ def test_where_the_log_decides_nothing_the_mirror_image_is_compared() -> None:
     image = np.linalg.norm(there[:, None] - there[None], axis=2)
     np.testing.assert_allclose(image, apart, rtol=0.02)
     assert np.abs(there - here).max() > 3.0
+
+
+def test_a_mount_that_is_not_exact_does_not_hide_mirrored_photos() -> None:
+    """Two oblique photos: their mirror image strains the camera's direction at first only."""
+    scene = make_scene(5, frames=2, labels=12, lines=4, tilt=0.8, spread=6.0)
+    found = {"photos-mirrored", "mirrored-undecided"} & set(codes_of(mirrored(scene.survey)))
+    assert found

@@ -198,7 +198,10 @@ def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
     found = _identify_in_turn(diagnosis)
     if diagnosis.left_out or not found.possible or found.possible[0].odds < 0.0:
         return found  # what was left out is reported, and what may be wrong instead
-    (message,) = describe_possible(found.possible[:1])
+    near = [one for one in found.possible if one.odds > found.possible[0].odds - SURE_LOG_ODDS]
+    message, *others = describe_possible(near)
+    for other in others:
+        message = _mention_rival(message, other)
     cause = Cause(message=message, mend=None, gain=found.possible[0].gain)
     return found._replace(causes=(*found.causes, cause))
 

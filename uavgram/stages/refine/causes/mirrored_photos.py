@@ -20,7 +20,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey import Survey, SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import SURE_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.minima import TRIAL_ITERATIONS
 from uavgram.stages.refine.readjustment import find_used_lines
 from uavgram.stages.refine.staged_sigmas import iterate
@@ -31,8 +31,9 @@ PRIOR_LOG_ODDS = float(np.log(200.0))
 UNDECIDED_DIFFERENCE = 2.0 * float(np.log(20.0))
 """Difference of the sums of squares below which neither solution has odds of 20 to 1."""
 
-MAX_MEAN_SQUARE = 2.0
-"""Mean square of the log's residuals, in sigmas, above which the log excludes a mirror image."""
+MAX_MEAN_SQUARE = 25.0
+"""Mean square of the log's residuals in the reflected state, in sigmas, above which no camera mount
+and no bias of the log fits the mirror image."""
 
 
 def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
@@ -67,16 +68,26 @@ def find_mirrored_solution(adjustment: Adjustment) -> Adjustment | None:
         blocks = problem.evaluate(state)
         if blocks is None or np.mean(blocks["telemetry"].residual ** 2) > MAX_MEAN_SQUARE:
             return None
-        minimum = iterate(problem, state, TRIAL_ITERATIONS)
-        if minimum.cost > adjustment.minimum.cost + UNDECIDED_DIFFERENCE:
+        goal = adjustment.minimum.cost + UNDECIDED_DIFFERENCE
+        minimum = iterate(problem, state, TRIAL_ITERATIONS, goal=goal)
+        if minimum.cost > goal:
             return None
         return Adjustment(problem, minimum, minimum.factor.covariance())
     except (SingularError, ValueError):
         return None
 
 
-def report_undecided() -> Message:
-    """Report that photos and log fit mirrored photos as well."""
+def report_mirror_image(adjustment: Adjustment, mirrored: Adjustment) -> Message:
+    """Report that photos and log fit mirrored photos better, or as well.
+
+    Parameters
+    ----------
+    adjustment, mirrored
+        The survey, and its mirror image, adjusted.
+    """
+    gain = adjustment.minimum.cost - mirrored.minimum.cost
+    if gain / 2.0 > PRIOR_LOG_ODDS + SURE_LOG_ODDS:
+        return _report_mirrored(None)
     text = (
         "Photos that were all mirrored when they were picked would fit the log as well, as over a "
         "straight flight: coordinates and directions would be mirrored across it, distances and "
