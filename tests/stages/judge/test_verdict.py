@@ -29,6 +29,7 @@ from uavgram.stages.judge.statuses import is_moved
 from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
 from uavgram.stages.judge.verdict import get_first_sentences
 from uavgram.stages.measure import measurement_results
+from uavgram.stages.messages import order_messages
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
@@ -152,6 +153,13 @@ def test_a_log_that_was_left_out_bends_nothing(clean: Judged, code: str) -> None
         refined = replace(examined.refined, pose_widened=dict.fromkeys(left_out, 50.0))
         judged = Judged(replace(examined, refined=refined), clean.table)
         assert judged.verdict(of(code))[0].level == level
+
+
+def test_a_mount_against_the_recorded_angles_comes_before_what_it_may_spoil(clean: Judged) -> None:
+    found = order_messages(of("lengths-offset-possible"), of("mount-stated"))
+    verdict = clean.verdict(*found)[0]
+    assert verdict.level == "amber"
+    assert verdict.reasons[0].cause == "mount-stated"
 
 
 def test_what_rests_on_a_length_that_is_never_suspected_is_not_in_order() -> None:

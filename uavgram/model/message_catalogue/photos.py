@@ -534,6 +534,9 @@ FLIGHT_LOG = (
             "Check how the camera hung. To use the gimbal's own angles, choose *As recorded* on "
             "the page, or write `auto`."
         ),
+        effect=Effect.AMBER,
+        order=Order.CAUSE_OF_ALL,
+        one="The camera's direction, as chosen, contradicts the recorded angles.",
     ),
     Entry(
         "gimbal-unused",
