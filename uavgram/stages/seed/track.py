@@ -73,10 +73,10 @@ def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvide
 # 1.5 to 2.9 in wind. The limits are for errors that change from frame to frame; those constant
 # in a flight are the shared unknowns of `position_bias_sigma_m` and `heading_bias_sigma_deg`.
 POSITION_FLOOR_M = 0.5
-# With a fixed RTK solution of centimetres the stated sigmas hold, down to what base, antenna and
-# timing add: horizontal and vertical, as of the photos' own RTK positions. (A simulator claims a
-# fixed solution too, of some decimetres.)
-RTK_FLOOR_M = (0.05, 0.10)
+# With a fixed RTK solution of centimetres the stated sigmas hold, down to what the motion between
+# the log's positions adds: horizontal and vertical. Base, antenna and timing are shared unknowns.
+# (A simulator claims a fixed solution too, of some decimetres.)
+RTK_FLOOR_M = (0.03, 0.05)
 RTK_MOST_M = 0.1
 TILT_FLOOR_DEG, YAW_FLOOR_DEG = 1.0, 2.0
 WITHOUT = "use another one, or leave `log` out to measure by known lengths alone"
