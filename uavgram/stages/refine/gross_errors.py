@@ -473,6 +473,10 @@ class Candidate:
         """Return whether it takes an exchange of two lengths into account."""
         return self.price > 0.0 and not self.exchanged
 
+    def doubts_a_tape(self) -> bool:
+        """Return whether the common scale of a tape's lengths is a gross error in it."""
+        return bool((self.annealed.misfit.get("tape", np.zeros(0)) > GROSS_SIGMAS).any())
+
     def leaves_out_nothing(self) -> bool:
         """Return whether all observations take part, and fit."""
         return not self._count_gross_errors() and self.fits()
@@ -1377,8 +1381,9 @@ def _adjust_without_outliers(taking: Participants, agreed: Sequence[Candidate]) 
         least = agreed[0].cost(taking)
         near = [one for one in agreed if one.cost(taking) <= least + MAX_RIVAL_INCREASE]
         agreed = [one for one in agreed if one not in near]
-        # One wrong reading is likelier than an exchange of two that explains no more.
-        near.sort(key=lambda one: (one.exchanges_lengths(), -len(one.used)))
+        # One wrong reading is likelier than an exchange of two that explains no more, or a tape, of
+        # which all lengths stay.
+        near.sort(key=lambda one: (one.exchanges_lengths(), one.doubts_a_tape(), -len(one.used)))
         # One candidate for each set of left-out observations.
         different = {one.left_out: one for one in reversed(near)}
         each = (one for one in near if different[one.left_out] is one)
