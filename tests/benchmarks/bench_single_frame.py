@@ -28,8 +28,9 @@ import numpy as np
 
 from uavgram.estimation.first_poses.length_poses import LengthFrames, resect_from_lengths
 from uavgram.estimation.survey.likelihood import compute_covariance_root
-from uavgram.geometry.camera.projection import back_project
-from uavgram.geometry.ground.points import View, compute_ground_points
+from uavgram.geometry.camera.projection import back_project, back_project_with_jacobian
+from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
+from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import Survey
 
@@ -41,6 +42,7 @@ HERE = Path(__file__).parent
 ROUNDS, SHORT_ROUNDS = 7, 51
 FRAMES = 1000
 POINTS = 1_000_000
+BLOCK = 4096
 DRAWS = 100
 MRCAL = """
 import sys, time
@@ -157,7 +159,7 @@ def points() -> None:
     parameters = np.array([3000.0, 3000, 1999.5, 1499.5, -0.1, 0.02, 3e-4, -2e-4, 0.001])
     rotation, center = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 50.0])
     root = np.random.default_rng(1).normal(size=(15, 15)) * 1e-3
-    view = View("brown", parameters, center, rotation, np.zeros(3), np.zeros(2), root @ root.T)
+    covariance = root @ root.T
     pixel = np.random.default_rng(0).uniform([0, 0], [4000, 3000], (POINTS, 2))
     matrix = np.array([[3000.0, 0, 1999.5], [0, 3000, 1499.5], [0, 0, 1]])
 
@@ -180,20 +182,34 @@ def points() -> None:
             camera.elevation_m, camera.tilt_deg = height, tilt
             drawn.append(camera.spaceFromImage(some)[:, :2])
         away = np.array(drawn) - np.mean(drawn, axis=0)
-        covariance: Floats = np.einsum("dni,dnj->nij", away, away) / (DRAWS - 1)
-        return covariance
+        spread: Floats = np.einsum("dni,dnj->nij", away, away) / (DRAWS - 1)
+        return spread
 
-    for threads in (1, os.cpu_count() or 1):
-        cv2.setNumThreads(threads)
-        ours = (lambda n=threads: compute_ground_points(view, pixel, np.eye(2), threads=n), 1)
-        seconds, ratio = compare(ours, [(opencv, 1), (resampled, 1)])
-        seconds, ratio = seconds / POINTS, ratio * [1, 100]
-        print(
-            f"ground points with 2x2 covariance, {threads} thread(s): {1e-6 / seconds[0]:.2f} M/s; "
-            f"OpenCV without {1e-6 / seconds[1]:.2f} M/s, share {ratio[0]:.2f} (bar 0.35); "
-            f"CameraTransform resampled {1e-8 / seconds[2]:.3f} M/s, ratio {ratio[1]:.0f} (bar 10)"
-        )
-    against_mrcal(parameters, lambda: compute_ground_points(view, pixel, np.eye(2)))
+    def propagated() -> Floats:
+        """Propagate pose, lens and pixel as a run does, by the derivatives of the ground point."""
+        made = []
+        for rows in np.array_split(pixel, POINTS // BLOCK):
+            ray, by_pixel, by_lens = back_project_with_jacobian("brown", parameters, rows)
+            _, by_center, by_ray, _ = intersect_ground_with_jacobian(
+                center, ray @ rotation.T, np.zeros(3), np.zeros(2)
+            )
+            turned = by_ray @ rotation
+            parts = [by_center, -turned @ hat(ray), turned @ by_lens]
+            jacobian = np.concatenate(parts, axis=2)[:, :2]
+            noise = (turned @ by_pixel)[:, :2]
+            spread = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2)
+            made.append(spread + noise @ np.swapaxes(noise, 1, 2))
+        return np.concatenate(made)
+
+    cv2.setNumThreads(1)
+    seconds, ratio = compare((propagated, 1), [(opencv, 1), (resampled, 1)])
+    seconds, ratio = seconds / POINTS, ratio * [1, 100]
+    print(
+        f"ground points with 2x2 covariance: {1e-6 / seconds[0]:.2f} M/s; "
+        f"OpenCV without {1e-6 / seconds[1]:.2f} M/s, share {ratio[0]:.2f}; "
+        f"CameraTransform resampled {1e-8 / seconds[2]:.3f} M/s, ratio {ratio[1]:.0f} (bar 10)"
+    )
+    against_mrcal(parameters, propagated)
 
 
 def against_mrcal(parameters: Floats, ours: Callable[[], object]) -> None:
