@@ -30,7 +30,7 @@ from uavgram.pipeline.parallel import run_in_processes
 from uavgram.stages.products.planned_layers import flight_mission
 from uavgram.synthetic.plan.plan import plan
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.simulate import apply_stated_sigmas, gather_repetitions, run_repetition
+from uavgram.synthetic.simulate import gather_repetitions, run_repetition
 from uavgram.synthetic.single_photos import compute_ratio
 from uavgram.synthetic.survey import ScenarioWorld
 
@@ -72,10 +72,25 @@ def planned(
         )
     )
     made, flown = plan(path)
-    flown = apply_stated_sigmas(flown)
+    stated = flown.stated
+    errors = replace(
+        flown.errors,
+        position_bias_m=stated.position_bias_sigma_m,
+        heading_bias_deg=stated.heading_bias_sigma_deg,
+        boresight_deg=stated.boresight_sigma_deg,
+        lever_arm_sigma_m=stated.lever_arm_sigma_m,
+        tape_scale=stated.tape_scale_sigma,
+    )
     relief = made.assumptions.roughness_m  # of each point its own, as is stated
-    ground = replace(flown.ground, relief_m=relief, relief_length_m=0.0)
-    return made, replace(flown, ground=ground, stated=replace(flown.stated, noise="stated"))
+    ground = replace(
+        flown.ground,
+        relief_m=relief,
+        relief_length_m=0.0,
+        height_sigma_m=stated.ground_height_sigma_m,
+        slope_sigma_deg=stated.ground_slope_sigma_deg,
+    )
+    stated = replace(stated, noise="stated")
+    return made, replace(flown, errors=errors, ground=ground, stated=stated)
 
 
 def main() -> None:

@@ -130,9 +130,10 @@ def find_unlike_stated(scenario: Scenario) -> tuple[SigmaMismatch, ...]:
         Its errors, its site, its ground, and its stated sigmas.
     """
     errors, stated, site, ground = scenario.errors, scenario.stated, scenario.site, scenario.ground
+    keys = TAPE_KEYS if scenario.telemetry == "none" else LOG_KEYS | TAPE_KEYS
     pairs = {
         f"errors.{key}": (getattr(errors, key), getattr(stated, other))
-        for key, other in _keys(scenario).items()
+        for key, other in keys.items()
     }
     if scenario.telemetry != "none":
         # The project states level ground at the height of home; a fixed departure of the site from
@@ -145,34 +146,6 @@ def find_unlike_stated(scenario: Scenario) -> tuple[SigmaMismatch, ...]:
     return tuple(
         one for one in found if not np.allclose(one.drawn, one.stated, rtol=MAX_RELATIVE_DIFFERENCE)
     )
-
-
-def apply_stated_sigmas(scenario: Scenario) -> Scenario:
-    """Return the scenario with each quantity drawn with the sigma stated in the project.
-
-    Parameters
-    ----------
-    scenario
-        Scenario whose quantities of `find_unlike_stated` are replaced.
-    """
-    errors, stated, ground = scenario.errors, scenario.stated, scenario.ground
-    drawn = {key: getattr(stated, other) for key, other in _keys(scenario).items()}
-    scenario = replace(scenario, errors=replace(errors, **drawn))
-    if scenario.telemetry == "none":
-        return scenario
-    return replace(
-        scenario,
-        site=replace(scenario.site, ground_height_m=0.0, ground_slope_deg=(0.0, 0.0)),
-        ground=replace(
-            ground,
-            height_sigma_m=stated.ground_height_sigma_m,
-            slope_sigma_deg=stated.ground_slope_sigma_deg,
-        ),
-    )
-
-
-def _keys(scenario: Scenario) -> dict[str, str]:
-    return TAPE_KEYS if scenario.telemetry == "none" else LOG_KEYS | TAPE_KEYS
 
 
 def _each(value: float | tuple[float, ...]) -> tuple[float, ...]:

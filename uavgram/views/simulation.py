@@ -177,7 +177,7 @@ def describe_changed_values(simulation: Simulation) -> str:
         return ""
     return (
         f"Drawn with other sigmas than the project states: {', '.join(told)}. The errors may then "
-        "differ from the prediction; --as-stated draws each of these as stated."
+        "differ from the prediction."
     )
 
 

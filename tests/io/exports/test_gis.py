@@ -165,9 +165,7 @@ def test_the_bounds_that_it_states_are_those_of_its_shapes(path: Path) -> None:
         )
 
 
-def test_each_shape_and_the_index_state_the_bounds_of_its_vertices(
-    features: Features, tmp_path: Path
-) -> None:
+def test_each_shape_states_the_bounds_of_its_vertices(features: Features, tmp_path: Path) -> None:
     path = tmp_path / "gaps.gpkg"
     layers = [
         with_a_gap(features.layer(name)) for name in ("points", "measured_lines", "footprints")
@@ -183,14 +181,9 @@ def test_each_shape_and_the_index_state_the_bounds_of_its_vertices(
             stated = np.reshape(file.execute(ask, (layer.name,)).fetchone(), (2, 2))
             ask = f"SELECT geom FROM {layer.name} WHERE geom NOT NULL"  # noqa: S608 - ours
             heads = [geom[8:40] for (geom,) in file.execute(ask)]
-            ask = f"SELECT * FROM rtree_{layer.name}_geom ORDER BY id"  # noqa: S608 - ours
-            fid, *indexed = np.transpose(file.execute(ask).fetchall())
 
         np.testing.assert_array_equal(stated, [bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
-        np.testing.assert_array_equal(fid, np.flatnonzero(there) + 1)
-        # West, east, south, north; the index has single precision, rounded outwards.
-        axes = bounds.transpose(0, 2, 1).reshape(-1, 4)
-        np.testing.assert_allclose(np.transpose(indexed), axes, rtol=2e-7)
+        axes = bounds.transpose(0, 2, 1).reshape(-1, 4)  # west, east, south, north
         if layer.kind != "point":
             np.testing.assert_array_equal([struct.unpack("<4d", head) for head in heads], axes)
 
@@ -202,52 +195,11 @@ def with_a_gap(layer: Layer) -> Layer:
     return replace(layer, vertices_m=(first, np.zeros((0, 3)), *others), above_ground_m=())
 
 
-def test_a_part_of_a_layer_is_found_by_its_index(path: Path) -> None:
-    for layer, _ in list_layers(path):
-        info = read_info(path, layer=layer)
-        assert info["capabilities"]["fast_spatial_filter"], layer
-    place = points_of(columns(path, "points")[0])[:, :2]
-    (west, south), (east, north) = place.min(axis=0).tolist(), np.median(place, axis=0).tolist()
-    _, found, _, _ = read(path, layer="points", bbox=(west, south, east, north), return_fids=True)
-
-    inside = ((place >= [west, south]) & (place <= [east, north])).all(axis=1)
-    assert 0 < inside.sum() < len(place)
-    np.testing.assert_array_equal(found, np.flatnonzero(inside) + 1)
-
-
 def test_gdal_reads_it_without_a_warning(path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for layer, _ in list_layers(path):
             read(path, layer=layer)
-
-
-def test_the_index_follows_what_other_programs_change(path: Path, tmp_path: Path) -> None:
-    copy = tmp_path / "edited.gpkg"
-    copy.write_bytes(path.read_bytes())
-    with closing(sqlite3.connect(copy)) as file:
-        # What such programs bring along; a point has its place behind head and type.
-        functions = {"ST_MinX": 13, "ST_MaxX": 13, "ST_MinY": 21, "ST_MaxY": 21}
-        for name, at in functions.items():
-            file.create_function(name, 1, lambda geom, at=at: struct.unpack_from("<d", geom, at)[0])
-        file.create_function("ST_IsEmpty", 1, lambda geom: geom is None)
-
-        def indexed() -> list[int]:
-            asked = "SELECT id FROM rtree_points_geom WHERE minx >= 1e7 AND maxy <= 30 ORDER BY id"
-            return [fid for (fid,) in file.execute(asked)]
-
-        head = bytes(file.execute("SELECT geom FROM points WHERE fid = 1").fetchone()[0][:13])
-        far = head + struct.pack("<3d", 2e7, 20.0, 0.0)
-        (last,) = file.execute("SELECT max(fid) FROM points").fetchone()
-        file.execute("UPDATE points SET geom = ? WHERE fid = 2", (far,))
-        file.execute("INSERT INTO points (geom) VALUES (?)", (far,))
-        assert indexed() == [2, last + 1]
-        file.execute("UPDATE points SET fid = ? WHERE fid = 2", (last + 9,))
-        assert indexed() == [last + 1, last + 9]
-        file.execute("UPDATE points SET geom = NULL WHERE fid = ?", (last + 1,))
-        assert indexed() == [last + 9]
-        file.execute("DELETE FROM points WHERE fid = ?", (last + 9,))
-        assert indexed() == []
 
 
 # Styles in the GeoPackage and the QGIS project, by what QGIS itself asks of them.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -91,7 +90,6 @@ def simulate(
     from_: Annotated[Path | None, Parameter(name="--from")] = None,
     repetitions: Repetitions = 100,
     compare: Flag = False,
-    as_stated: Flag = False,
     photos: Flag = False,
     output: Path = Path("uavgram-simulation"),
     seed: Seed | None = None,
@@ -110,9 +108,6 @@ def simulate(
         Number of surveys that are drawn, each run as a real one.
     compare
         Also without the errors of the scenario, and with each of them alone.
-    as_stated
-        Draw each error from the statements of the scenario's project, instead of the scenario's own
-        errors: a test whether the ± is right where the statements are.
     photos
         Instead write the scenario once, as a folder with photos and flight log, and run that.
     output
@@ -125,15 +120,12 @@ def simulate(
     from uavgram.synthetic.resurvey import read_project_world
     from uavgram.synthetic.scenario_file import read_world
     from uavgram.synthetic.simulate import SimulationRequest
-    from uavgram.synthetic.simulate import apply_stated_sigmas as drawn_as_stated
 
     log_to_stderr(verbose=verbose)
     asked = SimulationRequest(repetitions, compare)
     if from_ is not None:
         if photos:
             raise UavgramError("--photos is for scenarios: a real survey has its photos already")
-        if as_stated:
-            raise UavgramError("--as-stated is for scenarios: a real survey is always drawn so")
         return _show(from_, read_project_world(from_, scenario, seed), asked, output)
     if scenario is None:
         raise UavgramError(
@@ -141,8 +133,6 @@ def simulate(
             "such as an edited configs/demo.yaml), or a real survey by --from PROJECT.yaml"
         )
     world = read_world(scenario, seed)
-    if as_stated:
-        world = replace(world, scenario=drawn_as_stated(world.scenario))
     if photos:
         return show_survey(output, world.scenario, world.calibration, verbose=verbose)
     return _show(scenario, world, asked, output)
