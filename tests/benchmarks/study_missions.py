@@ -89,8 +89,9 @@ def planned(
         height_sigma_m=stated.ground_height_sigma_m,
         slope_sigma_deg=stated.ground_slope_sigma_deg,
     )
+    site = replace(flown.site, ground_height_m=0.0, ground_slope_deg=(0.0, 0.0))
     stated = replace(stated, noise="stated")
-    return made, replace(flown, errors=errors, ground=ground, stated=stated)
+    return made, replace(flown, errors=errors, site=site, ground=ground, stated=stated)
 
 
 def main() -> None:

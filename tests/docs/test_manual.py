@@ -13,11 +13,11 @@ from typing import Any, get_args, get_type_hints
 
 import pytest
 from manual_pages import Block, ManualPage, manual_pages
+from results_schema import results_schema
 
 from uavgram.cli.entry import app
 from uavgram.config.project import load_project
 from uavgram.io.photos.pose_tables import read_pose_csv
-from uavgram.io.results.schema import results_schema
 from uavgram.io.tables.csv_tables import Columns
 from uavgram.io.tables.known import (
     CONTROL_LINES_COLUMNS,

@@ -10,13 +10,13 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+from results_schema import row_schema
 
 from uavgram.errors import UavgramError
 from uavgram.io.cameras import read_odm_camera
 from uavgram.io.imports import read_labelme
 from uavgram.io.json_codec import Table, parse_json
 from uavgram.io.results.results_json import load_results
-from uavgram.io.results.schema import row_schema
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.naming import Column
 from uavgram.picking.storage.journal import JournalContent, load_journal

@@ -7,8 +7,7 @@ from functools import cache
 from typing import Any
 
 from jsonschema import Draft202012Validator
-
-from uavgram.io.results.schema import results_schema
+from results_schema import results_schema
 
 
 def closed(schema: Any) -> Any:  # noqa: ANN401

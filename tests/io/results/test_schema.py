@@ -7,10 +7,10 @@ from dataclasses import replace
 from importlib.resources import files
 
 import pytest
+from results_schema import dump_schema, results_schema, schema_of
 from schema_faults import faults_of
 
 from uavgram.io.results.results_json import dump_results
-from uavgram.io.results.schema import dump_schema, results_schema, schema_of
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
@@ -19,7 +19,7 @@ from uavgram.model.result.result import Result
 def test_the_file_in_the_package_is_the_generated_one() -> None:
     shipped = files("uavgram").joinpath("results.schema.json").read_text(encoding="utf-8")
 
-    assert shipped == dump_schema()  # python -m uavgram.io.results.schema > that file
+    assert shipped == dump_schema()  # python tests/support/results_schema.py > that file
 
 
 def test_a_result_has_the_keys_and_types_of_the_schema_and_no_other(sample_result: Result) -> None:

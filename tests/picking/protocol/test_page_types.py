@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import page_types
 import pytest
-
-from uavgram.picking.protocol import page_types
 
 
 def declared(name: str) -> str:

@@ -1,4 +1,4 @@
-// Messages between page and server, as JSON: written by `python -m uavgram.picking.protocol.page_types`.
+// Messages between page and server, as JSON: written by `python tests/support/page_types.py`.
 
 export type SingleChange = Place | Repeat | Unpick | Forget | Rename | Merge | Split | Swap | SetSigma | SetHeight | SetLine | RemoveLine | SetMeasurement | RemoveMeasurement;
 export type Calibration = CalibrationRunning | CalibrationFailed | CalibrationDone;

@@ -363,5 +363,5 @@ def _reason() -> Record:
     return _object(reason, optional=("plain", "mend", "instead"))
 
 
-if __name__ == "__main__":  # python -m uavgram.io.results.schema > uavgram/results.schema.json
+if __name__ == "__main__":  # python tests/support/results_schema.py > uavgram/results.schema.json
     sys.stdout.write(dump_schema())

@@ -1,7 +1,7 @@
 """Types of all messages for the page's JavaScript (page/connection/protocol.d.ts).
 
 Those of the server are the typed dictionaries of `messages`, those of the page the commands that
-`parse` reads. ``python -m uavgram.picking.protocol.page_types`` writes the file.
+`parse` reads. ``python tests/support/page_types.py`` writes the file.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PATH = Path(str(files("uavgram.picking") / "page" / "connection" / "protocol.d.t
 
 HEAD = (
     "// Messages between page and server, as JSON: written by "
-    "`python -m uavgram.picking.protocol.page_types`.\n"
+    "`python tests/support/page_types.py`.\n"
 )
 _INNER_COMMANDS = {c.PlaceAll}
 """Commands that the server makes itself."""
