@@ -19,8 +19,7 @@ import pytest
 from uavgram.estimation.survey.adjustment import Removal
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.flight_log import FaultKind
-from uavgram.model.message_catalogue.entry import Effect
-from uavgram.model.message_catalogue.lookup import CATALOGUE, SUBJECTS
+from uavgram.model.message_catalogue import Effect, entries_by_code, list_subjects
 from uavgram.views.explanations import messages_page
 
 KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}
@@ -197,7 +196,7 @@ def test_every_code_in_the_source_is_found(said: list[tuple[str, set[str], set[s
 def test_the_catalogue_has_an_entry_for_every_code_and_no_other(
     said: list[tuple[str, set[str], set[str]]],
 ) -> None:
-    entries = [entry.code for subject in SUBJECTS for entry in subject.entries]
+    entries = [entry.code for subject in list_subjects() for entry in subject.entries]
 
     assert all_codes(said) - set(entries) == set()
     assert set(entries) - all_codes(said) == set()
@@ -211,7 +210,9 @@ def test_each_entry_has_the_levels_of_its_messages(
     for where, codes, levels in said:
         for code in (codes or MADE[where]) - {""}:
             of_code.setdefault(code, set()).update(levels or {UNRESOLVED})
-    unlike = {code for code, found in of_code.items() if set(CATALOGUE[code].levels) != found}
+    unlike = {
+        code for code, found in of_code.items() if set(entries_by_code()[code].levels) != found
+    }
 
     assert unlike == {"weak-lengths"}  # its level depends on more than the source shows
     assert UNRESOLVED in of_code["weak-lengths"]
@@ -224,11 +225,11 @@ def test_the_page_is_that_of_the_catalogue(repository: Path) -> None:
     subjects = re.findall(r"^## (.+)$", written, flags=re.MULTILINE)
     anchors = [re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in subjects]
     assert re.findall(r"^- \[.+\]\(#(.+)\)", written, flags=re.MULTILINE) == anchors
-    assert re.findall(r"^### (.+)$", written, flags=re.MULTILINE) == list(CATALOGUE)
+    assert re.findall(r"^### (.+)$", written, flags=re.MULTILINE) == list(entries_by_code())
 
 
 def test_every_entry_is_in_whole_sentences_with_an_action_where_one_is_due() -> None:
-    for entry in CATALOGUE.values():
+    for entry in entries_by_code().values():
         for text in (entry.finding, entry.consequence, entry.action):
             assert text == "" or re.fullmatch(r"[A-Z`](?!.*  ).*[.)]", text)
         assert entry.finding, entry.code
@@ -253,14 +254,14 @@ def test_messages_do_without_terms_of_statistics(repository: Path) -> None:
         for text in literals_of(source)
         if " " in text  # no key or code
     }
-    for entry in CATALOGUE.values():
+    for entry in entries_by_code().values():
         texts |= {entry.finding, entry.consequence, entry.action, entry.one, entry.several}
 
     assert [text for text in sorted(texts) if EXPERT_TERMS.search(text)] == []
 
 
 def test_what_an_entry_refers_to_exists() -> None:
-    for entry in CATALOGUE.values():
-        assert entry.part_of == "" or CATALOGUE[entry.part_of].effect is not Effect.NONE
+    for entry in entries_by_code().values():
+        assert entry.part_of == "" or entries_by_code()[entry.part_of].effect is not Effect.NONE
         assert entry.effect in NO_MISFIT or entry.levels != ("info",), entry.code
         assert entry.one or not entry.several, entry.code

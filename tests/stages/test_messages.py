@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from uavgram.model.message import Correction, Message, MessagePlural, Remedy
-from uavgram.model.message_catalogue.lookup import CATALOGUE
+from uavgram.model.message_catalogue import entries_by_code
 from uavgram.model.survey import Cause
 from uavgram.stages.messages import MAX_LISTED, downgrade_explained, order_messages
 
@@ -170,7 +170,7 @@ def test_a_photo_that_a_cause_settles_is_innocent_and_the_cause_itself_is_told()
 
 def test_no_error_comes_before_a_cause_that_was_found() -> None:
     error = Message("error", "not-converged", "x")
-    causes = [one.code for one in CATALOGUE.values() if one.order.is_found_cause]
+    causes = [one.code for one in entries_by_code().values() if one.order.is_found_cause]
     assert len(causes) == 24
     for code in causes:
         found = Message("warning", code, "y")

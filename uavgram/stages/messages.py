@@ -9,7 +9,7 @@ from typing import Any
 
 from uavgram.model.message import NUMBERS, SUBJECTS, Message, MessagePlural, Remedy
 from uavgram.model.message import merge_remedies as mended_together
-from uavgram.model.message_catalogue.lookup import entry_of
+from uavgram.model.message_catalogue import entry_of
 from uavgram.model.survey import Cause
 
 MAX_LISTED = 5

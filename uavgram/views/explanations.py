@@ -7,8 +7,7 @@ import textwrap
 from difflib import get_close_matches
 
 from uavgram.errors import UavgramError, replace_lookalikes
-from uavgram.model.message_catalogue.entry import Effect, Entry
-from uavgram.model.message_catalogue.lookup import CATALOGUE, SUBJECTS
+from uavgram.model.message_catalogue import Effect, Entry, entries_by_code, list_subjects
 
 TERMINAL_COLUMNS, PAGE_COLUMNS = 79, 118
 MAX_SUGGESTED = 4
@@ -28,7 +27,7 @@ INTRODUCTION = (
     "and as data, and `instead` the alternatives that fit as well. The picking page shows them "
     "as buttons. In messages, *w* is the misfit of a reading in its own standard deviations, and "
     "*sigma* is a standard deviation.",
-    "This page is generated from the catalogue in `uavgram/model/message_catalogue/`: "
+    "This page is generated from the catalogue, `uavgram/model/message_catalogue.ini`: "
     "`uavgram explain --markdown > docs/messages.md`.",
 )
 """Paragraphs before the index of docs/messages.md."""
@@ -42,7 +41,7 @@ def explanation(code: str) -> list[str]:
     UavgramError
         If no message has this code; names the nearest codes.
     """
-    entry = CATALOGUE.get(code.strip("[] ").lower())
+    entry = entries_by_code().get(code.strip("[] ").lower())
     if entry is None:
         raise UavgramError(_explain_unknown_code(code))
     lines = [f"{entry.code}: {_levels(entry)}", ""]
@@ -55,9 +54,9 @@ def explanation(code: str) -> list[str]:
 
 def list_codes() -> list[str]:
     """Return one line for each code, by subject: the first sentence of its finding."""
-    width = max(map(len, CATALOGUE))
+    width = max(map(len, entries_by_code()))
     lines = []
-    for subject in SUBJECTS:
+    for subject in list_subjects():
         rows = ((entry.code, entry.finding.split(". ")[0]) for entry in subject.entries)
         lines += ["", subject.title]
         lines += [f"  {code:{width}}  {finding.removesuffix('.')}" for code, finding in rows]
@@ -66,11 +65,11 @@ def list_codes() -> list[str]:
 
 def messages_page() -> str:
     """Return docs/messages.md: every entry, by subject."""
-    titles = [subject.title for subject in SUBJECTS]
+    titles = [subject.title for subject in list_subjects()]
     index = "\n".join(f"- [{title}](#{_anchor(title)})" for title in titles)
     intro = [one if one.startswith("-") else _fill(one) for one in INTRODUCTION]
     blocks = ["# Messages", *intro, index]
-    for subject in SUBJECTS:
+    for subject in list_subjects():
         blocks.append(f"## {subject.title}")
         if subject.introduction:
             blocks.append(_fill(subject.introduction))
@@ -99,7 +98,7 @@ def _levels(entry: Entry) -> str:
 
 
 def _explain_unknown_code(code: str) -> str:
-    by_look = {replace_lookalikes(known): known for known in CATALOGUE}
+    by_look = {replace_lookalikes(known): known for known in entries_by_code()}
     near = get_close_matches(replace_lookalikes(code), by_look, n=MAX_SUGGESTED, cutoff=0.65)
     listed = ", ".join(by_look[one] for one in near)
     return (

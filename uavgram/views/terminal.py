@@ -9,7 +9,7 @@ from pathlib import Path
 
 from uavgram.model.frames import Frames, GeoTags, Pairing, Photos
 from uavgram.model.message import Message
-from uavgram.model.message_catalogue.lookup import entry_of
+from uavgram.model.message_catalogue import entry_of
 from uavgram.model.naming import METRIC, Units, format_count, join_names
 from uavgram.model.result.result import Result
 from uavgram.stages.match import Matches, Pair

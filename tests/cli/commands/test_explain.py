@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from small_projects import Command
 
-from uavgram.model.message_catalogue.lookup import CATALOGUE
+from uavgram.model.message_catalogue import entries_by_code
 
 
 def test_an_entry_states_finding_effect_and_action(command: Command) -> None:
@@ -24,7 +24,7 @@ def test_without_a_code_all_are_listed_with_one_line_each(command: Command) -> N
     lines = command("explain").stdout.splitlines()
     listed = [line.split()[0] for line in lines if line.startswith("  ")]
 
-    assert listed == list(CATALOGUE)
+    assert listed == list(entries_by_code())
 
 
 @pytest.mark.parametrize(

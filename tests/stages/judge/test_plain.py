@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 
 from uavgram.model.message import Message
-from uavgram.model.message_catalogue.entry import Effect
-from uavgram.model.message_catalogue.lookup import CATALOGUE
+from uavgram.model.message_catalogue import Effect, entries_by_code
 from uavgram.stages.judge.verdict import get_plain_sentence
 
-REASONS = [one.code for one in CATALOGUE.values() if one.effect is not Effect.NONE]
+REASONS = [one.code for one in entries_by_code().values() if one.effect is not Effect.NONE]
 STATISTICS = ("w =", "sigma", "chi-square", "probability", "variance", "±", "(")
 
 
@@ -56,7 +55,7 @@ def test_what_names_nothing_is_told_by_its_own_words() -> None:
 
 
 def test_no_sentence_is_of_a_code_that_is_no_reason() -> None:
-    worded = {one.code for one in CATALOGUE.values() if one.one}
+    worded = {one.code for one in entries_by_code().values() if one.one}
     assert worded - set(REASONS) == {
         "ground-not-plane",
         "picks-less-exact",

@@ -16,8 +16,7 @@ from uavgram.estimation.reliability.external import MAX_ERROR_SIGMAS, UNDETECTED
 from uavgram.estimation.survey.selection import select_control
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Remedy
-from uavgram.model.message_catalogue.entry import Effect
-from uavgram.model.message_catalogue.lookup import CATALOGUE
+from uavgram.model.message_catalogue import Effect, entries_by_code
 from uavgram.model.observations import KnownLines, KnownWorldPoints, MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import MeasurementStatus, Noise, PickNoise, Verdict
@@ -42,7 +41,7 @@ REQUESTS = (
 
 
 def codes_of(effect: Effect) -> list[str]:
-    codes = [entry.code for entry in CATALOGUE.values() if entry.effect is effect]
+    codes = [entry.code for entry in entries_by_code().values() if entry.effect is effect]
     assert len(codes) > 2
     return codes
 

@@ -15,8 +15,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration, CameraProvenance
 from uavgram.model.flight_log import Track
 from uavgram.model.message import Message
-from uavgram.model.message_catalogue.cameras import CAMERA
-from uavgram.model.message_catalogue.lookup import entry_of
+from uavgram.model.message_catalogue import CAMERA, entry_of
 from uavgram.model.naming import PLATE_CORNERS, Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.picking.protocol import messages as m
@@ -194,7 +193,7 @@ def _source(inputs: Inputs) -> list[str]:
 
 
 def _about_camera(inputs: Inputs) -> list[Message]:
-    messages = [message for message in inputs.messages if entry_of(message.code) in CAMERA]
+    messages = [message for message in inputs.messages if entry_of(message.code).subject == CAMERA]
     return messages if _is_unknown(inputs) else [*messages, *_judged(inputs.calibration)]
 
 

@@ -12,8 +12,7 @@ from collections.abc import Collection, Sequence
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.message import SUBJECTS, Message
-from uavgram.model.message_catalogue.entry import Effect
-from uavgram.model.message_catalogue.lookup import entry_of
+from uavgram.model.message_catalogue import Effect, entry_of
 from uavgram.model.naming import join_names, join_photo_names
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.tables import MeasurementResults

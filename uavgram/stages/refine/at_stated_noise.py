@@ -14,8 +14,7 @@ from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.survey.adjustment import Explanation, LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
-from uavgram.model.message_catalogue.entry import Effect
-from uavgram.model.message_catalogue.lookup import entry_of
+from uavgram.model.message_catalogue import Effect, entry_of
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY

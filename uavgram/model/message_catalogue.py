@@ -1,16 +1,21 @@
-"""Entries of the catalogue of messages, and their possible values."""
+"""Catalogue of all messages: meaning, order and effect on the verdict of each code.
+
+The texts are in message_catalogue.ini, by subject, with the keys of `Entry`.
+"""
 
 from __future__ import annotations
 
+from configparser import RawConfigParser
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
+from functools import cache
+from pathlib import Path
+from typing import get_args
 
 from uavgram.model.message import Level
 
-ERROR: tuple[Level, ...] = ("error",)
-WARNING: tuple[Level, ...] = ("warning",)
-NOTE: tuple[Level, ...] = ("info",)
-WARNING_OR_NOTE: tuple[Level, ...] = ("warning", "info")
+CAMERA = "The camera"
+"""Subject of the messages on the camera of a survey."""
 
 
 class Order(IntEnum):
@@ -68,6 +73,8 @@ class Entry:
     ----------
     code
         Code of the message, kebab-case; never renamed.
+    subject
+        Title of its section.
     levels
         Possible levels. A message that a cause explains may also be ``info``.
     finding
@@ -99,6 +106,7 @@ class Entry:
     """
 
     code: str
+    subject: str
     levels: tuple[Level, ...]
     finding: str
     consequence: str = ""
@@ -131,3 +139,54 @@ class Subject:
     title: str
     entries: tuple[Entry, ...]
     introduction: str = ""
+
+
+LEVELS: dict[str, Level] = {level: level for level in get_args(Level)}
+
+
+@cache
+def list_subjects() -> tuple[Subject, ...]:
+    """Read the catalogue, in the order of its file."""
+    text = Path(__file__).with_suffix(".ini").read_text(encoding="utf-8")
+    file = RawConfigParser(delimiters=("=",), comment_prefixes=("#",))
+    file.read_string(text)
+    introductions: dict[str, str] = {}
+    entries: dict[str, list[Entry]] = {}
+    for name in file.sections():
+        fields = {key: value.replace("\n", " ") for key, value in file.items(name)}
+        title = name.removeprefix("subject: ")
+        if title != name:
+            introductions[title], entries[title] = fields.get("introduction", ""), []
+            continue
+        subject = list(entries)[-1]
+        levels = tuple(LEVELS[level] for level in fields.pop("levels").split(", "))
+        entries[subject].append(
+            Entry(
+                name,
+                subject,
+                levels,
+                effect=Effect[_constant(fields.pop("effect", "none"))],
+                order=Order[_constant(fields.pop("order", "other"))],
+                labels_of_one=int(fields.pop("labels_of_one", "1")),
+                accuses=fields.pop("accuses", "") == "yes",
+                is_of_log=fields.pop("is_of_log", "") == "yes",
+                is_detail=fields.pop("is_detail", "") == "yes",
+                **fields,
+            )
+        )
+    return tuple(Subject(title, tuple(entries[title]), introductions[title]) for title in entries)
+
+
+def _constant(word: str) -> str:
+    return word.upper().replace("-", "_")
+
+
+@cache
+def entries_by_code() -> dict[str, Entry]:
+    """Return the entry of each code, in the order of the catalogue."""
+    return {entry.code: entry for subject in list_subjects() for entry in subject.entries}
+
+
+def entry_of(code: str) -> Entry:
+    """Return the entry of a code; an empty one for an unknown code (from another version)."""
+    return entries_by_code().get(code) or Entry(code, "", tuple(LEVELS.values()), finding="")

@@ -1,1 +1,0 @@
-"""Catalogue of all messages: meaning, order, and effect on the verdict."""
