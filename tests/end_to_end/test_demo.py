@@ -12,7 +12,7 @@ from flight_projects import Demo
 import uavgram
 from uavgram.io.files import photo_files
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.pictures import ReportPictures
+from uavgram.pipeline.measure.outputs import ReportPictures
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,7 @@ import uvicorn
 from uavgram.picking.session.folder_chooser import FolderChooser
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.web.guard import Guard
-from uavgram.picking.web.project_host import ProjectHost, RunProject
-from uavgram.picking.web.server import PickServer
+from uavgram.picking.web.server import PickServer, ProjectHost, RunProject
 from uavgram.picking.web.serving import TimeoutProtocol, open_socket
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs

@@ -9,7 +9,7 @@ from configparser import RawConfigParser
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from functools import cache
-from pathlib import Path
+from importlib.resources import files
 from typing import get_args
 
 from uavgram.model.message import Level
@@ -147,7 +147,7 @@ LEVELS: dict[str, Level] = {level: level for level in get_args(Level)}
 @cache
 def list_subjects() -> tuple[Subject, ...]:
     """Read the catalogue, in the order of its file."""
-    text = Path(__file__).with_suffix(".ini").read_text(encoding="utf-8")
+    text = files(__package__).joinpath("message_catalogue.ini").read_text(encoding="utf-8")
     file = RawConfigParser(delimiters=("=",), comment_prefixes=("#",))
     file.read_string(text)
     introductions: dict[str, str] = {}

@@ -29,8 +29,8 @@ from uavgram.picking.session import point_search as module
 from uavgram.picking.session.point_search import OFF_GROUND, PickedTargets, PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.workers import collect_observations
+from uavgram.pipeline.match.height_evidence import PredictedPlaces
 from uavgram.pipeline.match.patch_search import Photos, Task
-from uavgram.pipeline.match.predicted_places import PredictedPlaces
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import AdjustedPlaces
 from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair, Record

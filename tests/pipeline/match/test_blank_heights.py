@@ -18,7 +18,7 @@ from uavgram.cli import main
 from uavgram.imaging.matching.line_of_sight import LineMatches, SightLine, match_along_line
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.match import sightline_search
+from uavgram.pipeline.match import search
 from uavgram.pipeline.match.run import match_picks
 from uavgram.stages.match import Matches
 
@@ -154,7 +154,7 @@ def test_a_second_click_in_the_same_photo_is_no_other_view(
         views.append(len(targets))
         return match_along_line(source, targets, line)
 
-    monkeypatch.setattr(sightline_search, "match_along_line", counted)
+    monkeypatch.setattr(search, "match_along_line", counted)
     match_picks(project, dry_run=True)
 
     assert views

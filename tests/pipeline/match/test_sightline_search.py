@@ -10,7 +10,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.match.sightline_search import HEIGHTS_M, project_sightline
+from uavgram.pipeline.match.search import HEIGHTS_M, project_sightline
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.seed.headings import find_headings
 

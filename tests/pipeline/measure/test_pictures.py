@@ -15,8 +15,8 @@ import synthetic_survey as survey
 from uavgram.imaging.photos.preview import make_preview_of_decoded, read_preview
 from uavgram.io.files import photo_files
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure import outputs, pictures
-from uavgram.pipeline.measure.pictures import ReportPictures
+from uavgram.pipeline.measure import outputs
+from uavgram.pipeline.measure.outputs import ReportPictures
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def test_photos_of_which_parts_are_shown_do_not_spoil_each_other(
     result: Result, monkeypatch: pytest.MonkeyPatch, width: int
 ) -> None:
     reduce = partial(make_preview_of_decoded, max_width_px=width)
-    monkeypatch.setattr(pictures, "make_preview_of_decoded", reduce)
+    monkeypatch.setattr(outputs, "make_preview_of_decoded", reduce)
     parts = ReportPictures(result)
     wanted = [path for path in photo_files(result.frames) if parts.needs_photo(path)]
     assert 1 < len(wanted) < len(photo_files(result.frames))
@@ -83,13 +83,13 @@ def test_a_recording_of_very_many_photos_carries_some_and_the_ground_is_of_all(
     monkeypatch.setattr(outputs, "write_recording", taken)
     outputs.write_review(made, tmp_path / "r.rrd")
     assert tuple(written) == tuple(grounded) == names
-    assert pictures.note_thinning(made) is made
+    assert outputs.note_thinning(made) is made
 
-    monkeypatch.setattr(pictures, "MAX_RECORDED", len(names) // 2)
+    monkeypatch.setattr(outputs, "MAX_RECORDED", len(names) // 2)
     written.clear()
     grounded.clear()
     outputs.write_review(made, tmp_path / "r.rrd")
-    told = pictures.note_thinning(made).messages[-1]
+    told = outputs.note_thinning(made).messages[-1]
     assert tuple(grounded) == names
     assert 0 < len(written) <= len(names) // 2
     assert set(written) < set(names)

@@ -24,9 +24,8 @@ from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, compute_fit
-from uavgram.stages.judge.statuses import is_moved
 from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
-from uavgram.stages.judge.verdict import get_first_sentences
+from uavgram.stages.judge.verdict import get_first_sentences, is_moved
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.messages import order_messages
 from uavgram.stages.refine import refine

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.model.result.result import OrientationCorrelation
 from uavgram.views.report import render_annex
-from uavgram.views.report.annex import lay_out_annex, omega_phi_kappa_deg
+from uavgram.views.report.page import lay_out_annex, omega_phi_kappa_deg
 
 
 def test_omega_phi_kappa_are_those_of_scipy() -> None:

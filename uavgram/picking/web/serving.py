@@ -24,7 +24,7 @@ from uavgram.picking.protocol.parse import MAX_MESSAGE_BYTES
 from uavgram.picking.session.folder_chooser import FolderChooser
 from uavgram.picking.web import running_server
 from uavgram.picking.web.guard import Guard
-from uavgram.picking.web.project_host import ProjectHost, RunProject
+from uavgram.picking.web.server import ProjectHost, RunProject
 from uavgram.pipeline.process_settings import return_large_blocks
 from uavgram.pipeline.threads import limit_blas_threads
 

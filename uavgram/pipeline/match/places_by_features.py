@@ -20,7 +20,7 @@ from uavgram.imaging.ties import Features, read_features
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration
 from uavgram.model.observations import Picks
-from uavgram.pipeline.match.predicted_places import PredictedPlaces
+from uavgram.pipeline.match.height_evidence import PredictedPlaces
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.pipeline.ties import PairComparison, scale_of

@@ -139,9 +139,9 @@ def run(
     if folder is None:
         journal.result(result)
         return result
-    from uavgram.pipeline.measure import outputs, pictures  # noqa: PLC0415 - load Rerun and ezdxf
+    from uavgram.pipeline.measure import outputs  # noqa: PLC0415 - load Rerun and ezdxf
 
-    result = pictures.note_thinning(result)
+    result = outputs.note_thinning(result)
     journal.result(result)
     with stage_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
         outputs.write_outputs(result, ties, staging, journal, progress, pdf, plan)

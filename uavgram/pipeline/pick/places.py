@@ -25,8 +25,7 @@ from uavgram.model.frames import Poses
 from uavgram.model.observations import KnownWorldPoints, Picks
 from uavgram.model.survey import World
 from uavgram.pipeline.match.adjustment import MIN_ROUGHNESS_M
-from uavgram.pipeline.match.height_evidence import MIN_PX, collect_height_evidence
-from uavgram.pipeline.match.predicted_places import PredictedPlaces
+from uavgram.pipeline.match.height_evidence import MIN_PX, PredictedPlaces, collect_height_evidence
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
