@@ -13,14 +13,12 @@ from uavgram.imaging.raster import (
     Image,
     Painter,
     Weights,
-    blend,
     blur_mask,
     colour_noise,
     make_arc,
     make_box,
     make_texture,
     paint_layer,
-    stripe_outline,
 )
 from uavgram.imaging.targets.plates import read_cells
 from uavgram.model.arrays import Floats
@@ -95,10 +93,7 @@ MARGIN_M = 1.2
 SHADOW_M = (-0.4, -0.55)  # offset of a car's shadow in the scene
 
 GLASS = (52, 46, 40, 255)
-GLARE = (196, 186, 176, 255)
 DARK = (22, 22, 24, 255)
-LAMP = (228, 236, 240, 255)
-TAIL = (40, 36, 190, 255)
 
 
 def draw_vehicle(vehicle: Vehicle) -> GroundRaster:
@@ -118,58 +113,30 @@ def draw_vehicle(vehicle: Vehicle) -> GroundRaster:
 def _draw(image: Image, painter: Painter, vehicle: Vehicle) -> None:
     body = _outline(vehicle)
     shadow = painter.polygons(body + np.array(SHADOW_M), body + 0.5 * np.array(SHADOW_M))
-    paint_layer(image, (8, 8, 10, 255), blur_mask(shadow, 7), 0.62)
-    wheels = [_part(vehicle, (f - 0.07, f + 0.07), (s - 0.03, s + 0.03))
-              for f in (-0.3, 0.3) for s in (-0.475, 0.475)]  # fmt: skip
-    paint_layer(image, DARK, painter.polygons(*wheels))
+    paint_layer(image, DARK, blur_mask(shadow, 7), 0.62)
     paint = vehicle.color_rgb[::-1]
-    paint_layer(image, _shade(paint, 0.5), painter.polygons(body))
     # the body is darker towards its rounded edge
-    for inset, light in ((0.965, 0.75), (0.925, 0.92), (0.87, 1.0)):
+    for inset, light in ((1.0, 0.5), (0.965, 0.75), (0.87, 1.0)):
         paint_layer(image, _shade(paint, light), painter.polygons(_outline(vehicle, inset)))
-    for side in (-1, 1):
-        crease = _part(vehicle, (0.2, 0.46), (side * 0.22 - 0.006, side * 0.22 + 0.006))
-        paint_layer(image, _shade(paint, 1.35), painter.polygons(crease), 0.7)
-    mirrors = [_quad(vehicle, (0.16, s * 0.5), (0.19, s * 0.5), (0.18, s * 0.6), (0.15, s * 0.6))
-               for s in (-1, 1)]  # fmt: skip
-    paint_layer(image, _shade(paint, 0.8), painter.polygons(*mirrors))
-    _glass(image, painter, vehicle, paint)
-    lamp = _part(vehicle, (0.455, 0.485), (-0.42, -0.28))  # the other one is broken
-    paint_layer(image, LAMP, painter.polygons(lamp), 0.9)
-    tails = [_part(vehicle, (-0.49, -0.47), (s * 0.34 - 0.07, s * 0.34 + 0.07)) for s in (-1, 1)]
-    paint_layer(image, TAIL, painter.polygons(*tails), 0.9)
-
-
-def _glass(image: Image, painter: Painter, vehicle: Vehicle, paint: tuple[int, ...]) -> None:
     windscreen = _quad(vehicle, (0.07, -0.36), (0.2, -0.43), (0.2, 0.43), (0.07, 0.36))
     rear = _quad(vehicle, (-0.3, -0.33), (-0.39, -0.4), (-0.39, 0.4), (-0.3, 0.33))
-    sides = [
-        _quad(vehicle, (0.16, s * 0.435), (0.06, s * 0.385), (-0.28, s * 0.36), (-0.34, s * 0.42))
-        for s in (-1, 1)
-    ]
-    paint_layer(image, GLASS, painter.polygons(windscreen, rear, *sides), 0.95)
-    glare = _quad(vehicle, (0.09, -0.2), (0.19, -0.36), (0.19, -0.2), (0.09, -0.1))
-    paint_layer(image, GLARE, blur_mask(painter.polygons(glare), 4), 0.5)
+    paint_layer(image, GLASS, painter.polygons(windscreen, rear), 0.95)
     roof = _part(vehicle, (-0.28, 0.05), (-0.34, 0.34))
-    paint_layer(image, _shade(paint, 1.12), painter.polygons(roof))
-    shine = _part(vehicle, (-0.24, 0.02), (0.06, 0.26))
-    paint_layer(image, _shade(paint, 1.7), blur_mask(painter.polygons(shine), 12), 0.4)
+    paint_layer(image, _shade(paint, 1.3), blur_mask(painter.polygons(roof), 12), 0.8)
+    lamp = _part(vehicle, (0.455, 0.485), (-0.42, -0.28))  # the other one is broken
+    paint_layer(image, WHITE, painter.polygons(lamp), 0.9)
 
 
 def _shade(color: tuple[int, ...], light: float) -> tuple[int, ...]:
-    # highlights become white instead of a stronger colour
-    lifted = [min(255.0, c * light + max(0.0, light - 1.0) * 90.0) for c in color]
-    return (*(round(c) for c in lifted), 255)
+    return (*(min(255, round(c * light)) for c in color), 255)
 
 
 def _outline(vehicle: Vehicle, inset: float = 1.0) -> Floats:
-    """Return the body (72, 2) in the scene: a superellipse with a dent at one front corner."""
+    """Return the body (72, 2) in the scene: a superellipse."""
     angle = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
     ahead = 0.5 * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.36
     side = 0.5 * np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** 0.3
-    dent = np.exp(-((ahead - 0.5) ** 2) / 0.006 - (side - 0.35) ** 2 / 0.05)
-    ripple = 1.0 + 0.5 * np.sin(23.0 * side)
-    return _place(vehicle, np.column_stack([ahead - 0.055 * dent * ripple, side]) * inset)
+    return _place(vehicle, np.column_stack([ahead, side]) * inset)
 
 
 def _part(vehicle: Vehicle, ahead: tuple[float, float], side: tuple[float, float]) -> Floats:
@@ -309,13 +276,17 @@ def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
     painter = Painter(raster)
     grain = make_texture(rng, shape, {1: 0.6, 2: 0.5, 5: 0.45})
     patches = make_texture(rng, shape, {30: 0.5, 120: 0.7, 500: 0.5})
-    image = _grass(grain, patches)
+    image = colour_noise(
+        grain + 0.5 * patches, (22, 46, 34), (44, 92, 74), (62, 122, 104), (92, 158, 146)
+    )
     _trees(image, painter, rng)
-    asphalt = painter.polygons(*compute_road_outlines(road))
-    image = _verge(image, asphalt, grain, patches)
-    _footpath(image, painter, grain, rng)
-    paint_layer(image, _paint_asphalt(painter, road, grain, patches, rng), asphalt)
-    _kerb(image, painter, road, grain)
+    _footpath(image, painter, road, grain)
+    asphalt = colour_noise(
+        0.9 * grain + 0.35 * patches, (70, 68, 66), (98, 96, 94), (114, 112, 110), (150, 149, 148)
+    )
+    repairs = painter.polygons(make_box(-27.0, -23.2, 0.5, 3.0), make_box(24.0, 27.5, -3.0, -0.4))
+    paint_layer(asphalt, (68, 66, 65), repairs, 0.55)
+    paint_layer(image, asphalt, painter.polygons(*compute_road_outlines(road)))
     _road_paint(image, painter, road, grain, patches)
     _skid_marks(image, painter, road, grain)
     _debris(image, painter, road, rng)
@@ -342,81 +313,19 @@ def compute_road_outlines(road: RoadLayout) -> tuple[Floats, Floats]:
     return make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, -half, half), side
 
 
-def _grass(grain: Weights, patches: Weights) -> Image:
-    lush = colour_noise(
-        grain + 0.5 * patches, (22, 46, 34), (44, 92, 74), (62, 122, 104), (92, 158, 146)
-    )
-    dry = colour_noise(grain, (58, 84, 92), (88, 124, 136), (122, 164, 178))
-    return blend(lush, dry, np.clip(0.35 * patches - 0.12, 0.0, 0.75))
-
-
-def _verge(image: Image, asphalt: Image, grain: Weights, patches: Weights) -> Image:
-    """Paint gravel beside the asphalt, with a ragged edge."""
-    distance = cv2.distanceTransform(255 - asphalt, cv2.DIST_L2, 3) * np.float32(RESOLUTION_M)
-    ragged = np.clip((0.75 + 0.12 * patches + 0.1 * grain - distance) / 0.25, 0.0, 1.0)
-    gravel = colour_noise(1.2 * grain, (66, 78, 86), (110, 124, 134), (160, 172, 180))
-    return blend(image, gravel, ragged.astype(np.float32) * np.float32(0.85))
-
-
-def _footpath(image: Image, painter: Painter, grain: Weights, rng: np.random.Generator) -> None:
+def _footpath(image: Image, painter: Painter, road: RoadLayout, grain: Weights) -> None:
+    """Paint the slabs of the footpath, and the kerb."""
     inner, outer = FOOTPATH_M
     concrete = colour_noise(0.6 * grain, (128, 138, 142), (150, 160, 164), (174, 182, 186))
-    paint_layer(
-        image, concrete, painter.polygons(make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, inner, outer))
-    )
-    joints = np.arange(-HALF_LENGTH_M, HALF_LENGTH_M, 1.5)
-    # slabs weather differently
-    slabs = painter.blank()
-    for x, shade in zip(joints, rng.integers(0, 50, len(joints)), strict=True):
-        painter.polygons(make_box(x, x + 1.5, inner, outer), mask=slabs, value=int(shade))
-    paint_layer(image, (96, 104, 104), slabs)
-    lines = [np.array([[x, inner], [x, outer]]) for x in joints]
-    edges = [np.array([[-TREE_DISTANCE_M, y], [TREE_DISTANCE_M, y]]) for y in (inner, outer)]
-    paint_layer(image, (78, 86, 86), painter.stripes(*lines, *edges, width_m=0.025), 0.8)
-
-
-def _paint_asphalt(
-    painter: Painter,
-    road: RoadLayout,
-    grain: Weights,
-    patches: Weights,
-    rng: np.random.Generator,
-) -> Image:
-    image = colour_noise(
-        0.9 * grain + 0.35 * patches, (70, 68, 66), (98, 96, 94), (114, 112, 110), (150, 149, 148)
-    )
-    # wheels polish four tracks; oil darkens the middle of each lane
-    lane = road.width_m / 4
-    tracks = [
-        np.array([[-TREE_DISTANCE_M, y], [TREE_DISTANCE_M, y]])
-        for middle in (-lane, lane)
-        for y in (middle - 0.75, middle + 0.75)
-    ]
-    worn = blur_mask(painter.stripes(*tracks, width_m=0.45), 12)
-    paint_layer(image, (84, 82, 80), worn, 0.45)
-    repairs = painter.polygons(make_box(-27.0, -23.2, 0.5, 3.0), make_box(24.0, 27.5, -3.0, -0.4))
-    paint_layer(image, (68, 66, 65), repairs, 0.55)
-    cracks = [_crack(rng, start) for start in rng.uniform((-34, -3), (34, 3), (16, 2))]
-    cracks += [_crack(rng, start) for start in rng.uniform((3.5, -24), (8.5, -8), (5, 2))]
-    paint_layer(image, (46, 45, 44), painter.stripes(*cracks, width_m=0.03), 0.6)
-    return image
-
-
-def _crack(rng: np.random.Generator, start_m: Floats) -> Floats:
-    """Draw a random path (K, 2)."""
-    turn = np.cumsum(rng.normal(0.0, 0.35, 24)) + rng.uniform(0.0, 2.0 * np.pi)
-    step = np.column_stack([np.cos(turn), np.sin(turn)]) * rng.uniform(0.06, 0.2)
-    path: Floats = start_m + np.cumsum(step, axis=0)
-    return path
-
-
-def _kerb(image: Image, painter: Painter, road: RoadLayout, grain: Weights) -> None:
     edge = road.width_m / 2
-    stone = painter.polygons(make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, edge, edge + KERB_M))
-    gutter = painter.polygons(make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, edge - 0.06, edge))
-    concrete = colour_noise(0.5 * grain, (140, 148, 152), (168, 176, 180), (190, 196, 200))
-    paint_layer(image, concrete, stone)
-    paint_layer(image, (60, 60, 60), gutter, 0.6)
+    paved = [
+        make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, low, high)
+        for low, high in (FOOTPATH_M, (edge, edge + KERB_M))
+    ]
+    paint_layer(image, concrete, painter.polygons(*paved))
+    joints = np.arange(-HALF_LENGTH_M, HALF_LENGTH_M, 1.5)
+    lines = [np.array([[x, inner], [x, outer]]) for x in joints]
+    paint_layer(image, (78, 86, 86), painter.stripes(*lines, width_m=0.025), 0.8)
 
 
 def _road_paint(
@@ -458,21 +367,9 @@ def _road_paint(
 def _skid_marks(image: Image, painter: Painter, road: RoadLayout, grain: Weights) -> None:
     mask = painter.blank()
     for mark in road.skid_marks:
-        path = _smooth(np.array(mark))
-        painter.stripes(path, width_m=0.2, mask=mask, value=200)
-        # rubber is thickest under the tyre's shoulders
-        outline = stripe_outline(path, 0.16)
-        half = len(path)
-        painter.stripes(outline[:half], outline[half:], width_m=0.05, mask=mask)
+        painter.stripes(np.array(mark), width_m=0.2, mask=mask)
     rubber = np.clip(0.74 - 0.12 * grain, 0.3, 0.95).astype(np.float32)
     paint_layer(image, (30, 29, 28), blur_mask(mask, 0.8), rubber)
-
-
-def _smooth(corners_m: Floats) -> Floats:
-    """Resample a polyline (K, 2) to a smooth curve through (nearly) the same points."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners_m, axis=0), axis=1))])
-    places = np.linspace(0.0, along[-1], 80)
-    return np.stack([np.interp(places, along, column) for column in corners_m.T], axis=1)
 
 
 def _debris(image: Image, painter: Painter, road: RoadLayout, rng: np.random.Generator) -> None:
@@ -502,20 +399,11 @@ def _trees(image: Image, painter: Painter, rng: np.random.Generator) -> None:
          [-31, -12], [-24, -16], [-12, -15], [20, -14.5], [27, -12], [33, -17], [14.5, -18]]
     )  # fmt: skip
     for place, radius in zip(places, rng.uniform(1.2, 2.6, len(places)), strict=True):
-        leaf_angle = rng.uniform(0.0, 2.0 * np.pi, 160)
-        leaf_away = radius * np.sqrt(rng.random(160)) * rng.uniform(0.85, 1.05, 160)
-        leaves = place + leaf_away[:, None] * np.column_stack(
-            [np.cos(leaf_angle), np.sin(leaf_angle)]
-        )
-        _canopy(image, painter, leaves, radius)
-
-
-def _canopy(image: Image, painter: Painter, leaves_m: Floats, radius_m: float) -> None:
-    sun = np.array([0.35, 0.5])  # direction of the shadow, per metre of radius
-    shade = painter.discs(leaves_m - 1.1 * radius_m * sun, 0.42, painter.blank())
-    paint_layer(image, (18, 30, 24), blur_mask(shade, 3), 0.7)
-    tones = ((24, 50, 34), (32, 68, 48), (42, 86, 62), (58, 110, 84))
-    for i, tone in enumerate(tones):
-        shifted = leaves_m[i::4] + 0.12 * i * sun
-        layer = painter.discs(shifted, 0.42 - 0.07 * i, painter.blank())
-        paint_layer(image, tone, layer, 0.9)
+        angle, away = rng.uniform(0.0, 2.0 * np.pi, 160), radius * np.sqrt(rng.random(160))
+        leaves = place + away[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        sun = np.array([0.35, 0.5])  # direction of the shadow, per metre of radius
+        shade = painter.discs(leaves - 1.1 * radius * sun, 0.42, painter.blank())
+        paint_layer(image, (18, 30, 24), blur_mask(shade, 3), 0.7)
+        for i, tone in enumerate(((24, 50, 34), (32, 68, 48), (42, 86, 62), (58, 110, 84))):
+            layer = painter.discs(leaves[i::4] + 0.12 * i * sun, 0.42 - 0.07 * i, painter.blank())
+            paint_layer(image, tone, layer, 0.9)
