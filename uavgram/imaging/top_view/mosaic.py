@@ -117,12 +117,15 @@ class Mosaic:
         self._photos[frame] = create_photo(pixels, covered, reduction)
 
     def texture(self) -> GroundTexture | None:
-        """Compose the photos added so far; None where they show none of the scene."""
+        """Compose the photos added so far, once; None where they show none of the scene."""
         if not self._photos:
             return None
         raster = self._raster
         gains = estimate_exposure_gains(self._view, raster, self._photos.__getitem__, self._photos)
-        photos = {k: photo.lighten(gains[k]) for k, photo in self._photos.items()}
+        photos = {}
+        while self._photos:  # one by one: never two copies of all in memory
+            k, photo = self._photos.popitem()
+            photos[k] = photo.lighten(gains[k])
         reach = np.full((len(self._index), 4), np.nan)
         for k in photos:
             reach[k] = self._reach[k]
