@@ -113,9 +113,9 @@ def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(
         record["value"][0] - record["prior_value"][0],
     )
     assert message.text.startswith(
-        "Picks and lengths show the camera better than the program assumed: the focal length (fx)"
+        "Picks and lengths show the camera better than the program assumed: the focal length "
     )
-    assert "the distortion better" in message.text
+    assert "the lens distortion better" in message.text
     assert "<td>fx</td>" in render_annex(result)
     # What the program wrote is what it reads.
     again = uavgram.load_results(file)

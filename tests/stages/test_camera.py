@@ -413,9 +413,8 @@ def test_what_was_learnt_is_told_by_its_sigmas_and_its_shift() -> None:
     assert (camera.ratio[0], camera.shift[0]) == (0.25, 1.0)
     assert camera.learnt.tolist() == [True, *[False] * 8]
     assert (message.level, message.code) == ("info", "camera-learnt")
-    better = "the focal length (fx) to ± 10 px instead of ± 40 px, changed by +40 px. The results"
-    assert better in message.text
-    assert "do not show the principal point and the distortion better." in message.text
+    assert ": the focal length 4.0 times as exactly. The results use the better" in message.text
+    assert "do not show the image centre and the lens distortion better." in message.text
 
 
 def test_a_parameter_that_the_calibration_holds_fixed_is_neither() -> None:
@@ -429,7 +428,7 @@ def test_where_nothing_was_learnt_it_says_so() -> None:
     (message,) = report_learnt_camera(learnt(sigma=0.95 * PRIOR))
 
     assert message.code == "camera-not-learnt"
-    assert "do not show the focal length, the principal point" in message.text
+    assert "do not show the focal length, the image centre" in message.text
 
 
 def test_a_fixed_camera_needs_no_words() -> None:
@@ -447,7 +446,7 @@ def test_a_survey_that_contradicts_its_calibration_is_a_warning(
     assert len(messages) == count
     if count == 2:
         assert (messages[1].level, messages[1].code) == ("warning", "camera-contradicted")
-        assert "(fx) by 3.0 times its uncertainty" in messages[1].text
+        assert "focal length by 3.0 times its uncertainty" in messages[1].text
 
 
 def test_a_camera_that_was_only_assumed_is_not_called_a_calibration() -> None:
@@ -456,4 +455,4 @@ def test_a_camera_that_was_only_assumed_is_not_called_a_calibration() -> None:
 
     assert "better than the program assumed" in refined.text
     assert "calibration" not in refined.text
-    assert "than the program assumed (the focal length (fx) by 3.0" in contradicted.text
+    assert "than the program assumed (the focal length by 3.0" in contradicted.text

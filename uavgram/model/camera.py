@@ -248,6 +248,15 @@ def parameter_counts(model: LensModel) -> tuple[int, ...]:
     return (basic, basic + len(_RATIONAL_NAMES)) if model == "brown" else (basic,)
 
 
+_PARTS = {"f": "focal length", "c": "image centre", "k": "lens distortion", "p": "lens distortion"}
+"""Parts of a camera, in words, by the first letter of a parameter's name."""
+
+
+def describe_part(name: str) -> str:
+    """Return the part of a camera to which a parameter belongs: ``focal length`` for ``fx``."""
+    return _PARTS[name[0]]
+
+
 def parameter_names(model: LensModel, count: int) -> tuple[str, ...]:
     """Return the names of the parameters of a camera that has `count` of them.
 

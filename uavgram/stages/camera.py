@@ -29,10 +29,11 @@ from uavgram.model.camera import (
     Calibration,
     CameraTags,
     DroneCamera,
+    describe_part,
     make_assumed_covariance,
 )
 from uavgram.model.message import Message
-from uavgram.model.naming import format_digits, join_names
+from uavgram.model.naming import join_names
 from uavgram.model.result.result import CameraUpdate
 
 REMEDY = (
@@ -132,13 +133,14 @@ def _report_unknown_camera(tags: CameraTags, source: _Source, why: str) -> Messa
     """Report the assumptions on an unknown camera, their consequences, and the action."""
     focal_px, errors = source.parameters[0], source.errors
     text = (
-        f"Nothing is known of this camera: the first photo {why}. {source.words} is assumed: focal "
-        f"length {focal_px:.0f} ± {errors.focal * focal_px:.0f} px ({100 * errors.focal:.0f} %), "
-        f"principal point ± {errors.centre * tags.width_px:.0f} px, distortion "
-        f"± {_corner_sigma_px(tags, source):.0f} px at the corners. Lengths from one photo are as "
-        "uncertain; more photos and known lengths help, and the ± of each measurement includes "
-        "this, but not for a tele, zoom or fisheye lens. Tape six lengths or more, and calibrate "
-        "the camera: photograph a chessboard 15 times, then `uavgram calibrate`."
+        f"Nothing is known of this camera: the first photo {why}. {source.words} is assumed, with "
+        f"a focal length of {focal_px:.0f} ± {errors.focal * focal_px:.0f} px "
+        f"({100 * errors.focal:.0f} %) and errors of the lens of up to "
+        f"± {_corner_sigma_px(tags, source):.0f} px at the corners of a photo. A length from one "
+        f"photo alone is as uncertain, ± {100 * errors.focal:.0f} %. The ± of each measurement "
+        "includes this, but for a telephoto, zoom or fisheye lens the numbers are wrong. Tape six "
+        "lengths or more. To do better, photograph a chessboard 15 times with this camera, then "
+        "`uavgram calibrate`."
     )
     return Message("warning", UNKNOWN_CAMERA, text)
 
@@ -309,17 +311,6 @@ def _explain_unknown_camera(tags: CameraTags, table: tuple[DroneCamera, ...]) ->
 CONTRADICTION_SIGMAS = 3.0
 """Prior sigmas above which a parameter's shift contradicts the calibration."""
 
-_PIXELS = {"fx", "fy", "cx", "cy"}
-
-
-_PARTS = {
-    "f": "the focal length",
-    "c": "the principal point",
-    "k": "the distortion",
-    "p": "the distortion",
-}
-"""Parts of a camera, in words, by the first letter of a parameter's name."""
-
 
 def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> tuple[Message, ...]:
     """Report which parameters the survey determines better than the calibration, and which not.
@@ -339,28 +330,31 @@ def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> t
     if np.isnan(camera.ratio).all():
         return ()
     source = "the program assumed" if is_assumed else "its calibration states"
-    learnt = np.flatnonzero(camera.learnt)
-    rest = [camera.names[i] for i in np.flatnonzero(~camera.learnt & ~np.isnan(camera.ratio))]
-    shown = {_PARTS[camera.names[i][0]] for i in learnt}
-    parts = join_names(part for name in rest if (part := _PARTS[name[0]]) not in shown)
-    if not learnt.size:
+    # Of the parameters of each part, the one that improved or moved most.
+    gains, shifts = dict[str, float](), dict[str, float]()
+    every = [describe_part(name) for name in camera.names]
+    for i in np.flatnonzero(camera.learnt).tolist():
+        part = every[i]
+        gains[part] = max(1 / float(camera.ratio[i]), gains.get(part, 0.0))
+        shifts[part] = max(abs(float(camera.shift[i])), shifts.get(part, 0.0))
+    tried = np.flatnonzero(~np.isnan(camera.ratio)).tolist()
+    rest = join_names(f"the {every[i]}" for i in tried if every[i] not in gains)
+    if not gains:
         text = (
-            f"Picks and lengths do not show {parts} of the camera better than {source}. The "
-            "results use these values."
+            f"Picks and lengths do not show {rest} of the camera better than {source}. The "
+            "results use these values; no action is needed."
         )
         return (Message("info", "camera-not-learnt", text),)
-    refined = ", ".join(_describe_refinement(camera, int(i)) for i in learnt)
+    better = join_names(f"the {part} {gain:.1f} times as exactly" for part, gain in gains.items())
     text = (
-        f"Picks and lengths show the camera better than {source}: {refined}. The results use the "
-        f"better values.{f' They do not show {parts} better.' if parts else ''}"
+        f"Picks and lengths show the camera better than {source}: {better}. The results use the "
+        f"better values; no action is needed.{f' They do not show {rest} better.' if rest else ''}"
     )
     messages = [Message("info", "camera-learnt", text)]
-    far = [int(i) for i in learnt if abs(camera.shift[i]) > CONTRADICTION_SIGMAS]
+    far = {part: shift for part, shift in shifts.items() if shift > CONTRADICTION_SIGMAS}
     if far:
         moved = join_names(
-            f"{_describe_parameter(camera.names[i])} by {abs(camera.shift[i]):.1f} times its "
-            "uncertainty"
-            for i in far
+            f"the {part} by {shift:.1f} times its uncertainty" for part, shift in far.items()
         )
         text = _describe_contradiction(moved, is_assumed=is_assumed)
         messages.append(Message("warning", "camera-contradicted", text))
@@ -378,19 +372,4 @@ def _describe_contradiction(moved: str, *, is_assumed: bool) -> str:
         f"Picks and lengths fit only another camera than the calibrated one ({moved}): another "
         "camera, resolution, zoom or focus, or gross errors in picks and lengths. Check these, and "
         "calibrate the camera as it was used."
-    )
-
-
-def _describe_parameter(name: str) -> str:
-    """Return ``the focal length (fx)`` and the like."""
-    return f"{_PARTS[name[0]]} ({name})"
-
-
-def _describe_refinement(camera: CameraUpdate, i: int) -> str:
-    unit = " px" if camera.names[i] in _PIXELS else ""
-    before, after = camera.prior_sigma[i], camera.sigma[i]
-    moved = camera.shift[i] * before
-    return (
-        f"{_describe_parameter(camera.names[i])} to ± {format_digits(after)}{unit} instead of "
-        f"± {format_digits(before)}{unit}, changed by {format_digits(moved, sign='+')}{unit}"
     )

@@ -59,7 +59,10 @@ def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group() -> None
     assert {(m.kind, m.row) for m in found.group} == {("pixels", 1), ("pixels", 7)}
     names = ObservationNames(adjustment)
     assert names.group(found) == "length 'b' ('P1' to 'P7') or the picks of 'P1' and 'P7' in 'f0'"
-    assert names.advice(found) == "no test separates them: look at all three"
+    assert names.advice(found) == (
+        f"The fault may be in the {names.group(found)}; the numbers cannot show in which. "
+        "Check all three."
+    )
 
 
 def test_a_wrong_pick_of_an_end_is_in_the_group_that_is_named() -> None:

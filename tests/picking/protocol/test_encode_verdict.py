@@ -10,7 +10,6 @@ import pytest
 import synthetic_survey as survey
 from standings import with_status
 
-from uavgram.model.camera import PARAMETER_NAMES
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.reliability import Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
@@ -78,7 +77,7 @@ def test_what_is_known_stands_beside_an_amber_light() -> None:
     verdict = Verdict(level="amber", reasons=(Reason(cause="nothing-checks", text="Tape more."),))
 
     words = told_of(replace(made, verdict=verdict))["words"]
-    assert words == "Check: 7 of 10 measurements are ok, 2 not checked and 1 not computed."
+    assert words == "Check: of 10 measurements, 7 are ok, 2 are not checked and 1 is not computed."
 
 
 def test_each_measurement_has_its_own_reason() -> None:
@@ -368,23 +367,12 @@ def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:
     )
 
     shows = describe_unchecked(rows, links)
-    told = describe_unchecked(rows, replace(links, unchecked=(("fx",),) * count))
+    told = describe_unchecked(
+        rows, replace(links, unchecked=(("focal length of the camera",) * 2,) * count)
+    )
     assert shows[0] == (
         f"an error in the click on {label!r} in 'a.jpg' would not be noticed, nor one in 1 other "
         "value"
     )
-    assert told[0] == "an error in the camera's focal length would not be noticed"
+    assert told[0] == "an error in the focal length of the camera would not be noticed"
     assert not any(shows[1:])
-
-
-@pytest.mark.parametrize("name", sorted({*PARAMETER_NAMES["brown"], *PARAMETER_NAMES["fisheye"]}))
-def test_a_parameter_of_the_camera_is_called_by_words_not_by_its_letter(name: str) -> None:
-    rows = with_status(survey.build(), "not-checked", "ok").measurements
-    count = len(rows.name)
-    nothing = np.full(count, np.nan)
-    links = WeakestLinks(
-        what=("",) * count, bias=nothing, unit=("",) * count, change=nothing,
-        unchecked=((name,),) * count,
-    )  # fmt: skip
-
-    assert f"the {name}" not in describe_unchecked(rows, links)[0]

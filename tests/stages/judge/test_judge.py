@@ -337,7 +337,7 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(
         return solve(replace(survey, telemetry=sure))
 
     messages = judge_suspects(examined(turned_by(0.05, 1e-5)))
-    assert any("boresight x" in m.text for m in messages)
+    assert any("direction of the camera in its mount (x)" in m.text for m in messages)
     (cause,) = turned_by(0.2, 1e-3).causes  # 11 degrees, far beyond the sigma: the mount is wrong
     assert cause.message.code == "gimbal-off"
     assert "turned by 11 degrees" in cause.message.text
@@ -695,4 +695,20 @@ def test_of_priors_that_nothing_parts_the_one_that_shows_is_named(
     assert (one.suspect.row, one.suspect.axis) == (2, 0)
     others = {(each.kind, each.row) for each in (*one.group, *one.rivals)}
     assert not others & {("position_bias", 0), ("position_bias", 1), ("lever_arm", 2)}
-    assert "position bias up" in " ".join(m.text for m in judge_suspects(found))
+    assert "offset of the log's positions (up)" in " ".join(m.text for m in judge_suspects(found))
+
+
+SYMBOLS = re.compile(r"\b([fc][xy]|[kp]\d|boresight|lever arm|bias|departure)\b")
+
+
+def test_a_sentence_names_every_prior_without_a_symbol_or_a_term_of_the_field(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    found = examined(solve(scene_factory(6, frames=6, control=6).survey))
+    titles = {
+        (kind, axis): found.names.observation(Member(kind, 0, axis))
+        for kind, group in found.groups.items()
+        for axis in range(group.w.shape[1])
+    }
+    assert titles["calibration", 0] == "focal length of the camera"
+    assert not [title for title in titles.values() if SYMBOLS.search(title)]

@@ -409,11 +409,11 @@ def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
         "'near' is not checked: a wrong click on P0 would not be noticed"
     )
     action = (
-        "lick P0 yourself in one more photo, or click it again; what the program found from a "
-        "click repeats it, and checks nothing."
+        "Click it yourself in one more photo, or click it again. A place that the program found "
+        "from your click does not count: it repeats that click."
     )
-    assert message.text.endswith(f"C{action}")
-    assert message.plain == f"Not checked: c{action}"
+    assert message.text.endswith(f". {action}")
+    assert message.plain == f"A wrong click on P0 would not be noticed. {action}"
     assert judged.verdict(message)[1] == ("not-checked", "ok")
     worst = judged.examined.weakest[0].unseen[0]
     assert worst.member.kind == "pixels"

@@ -285,10 +285,10 @@ def test_sigmas_of_a_fixed_rtk_solution_hold_nearly_as_stated() -> None:
 def test_the_sources_of_the_seeds_are_said() -> None:
     _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0)))
     text = next(m.text for m in messages if m.code == "pose-source")
-    assert "from POS, attitudes from ATT" in text
-    assert "from MNT, sigmas from the defaults" in text
+    assert "from its records POS, its turns from ATT" in text
+    assert "from MNT. Their uncertainties are from the program" in text
     _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0)), mount=MountOptions(gimbal="none"))
-    assert "the mount's angles" in messages[0].text
+    assert "the mount in the project" in messages[0].text
 
 
 def test_stated_sigmas_override_the_log() -> None:

@@ -72,7 +72,8 @@ def test_amber_does_not_claim_that_all_is_in_order() -> None:
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
     assert verdict_sentence(survey.build()) == (
-        "Verdict: amber, check this first: 9 of 10 measurements are doubtful and 1 not computed. "
+        "Verdict: amber, check this first: of 10 measurements, 9 are doubtful and 1 is not "
+        "computed. "
         "Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): read the tape again. "
         "(And 1 other reason.)"
     )
@@ -84,7 +85,8 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
     amber = Verdict(level="amber", reasons=(replace(reason, instead=(free,)),))
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
-        "Verdict: amber, check this first: 9 of 10 measurements are doubtful and 1 not computed. "
+        "Verdict: amber, check this first: of 10 measurements, 9 are doubtful and 1 is not "
+        "computed. "
         "A and B seem swapped. To correct it: swap A and B, or free A."
     )
     # What is only not checked is no fault.

@@ -78,12 +78,15 @@ class ObservationNames:
         return " or the ".join(named)
 
     def advice(self, suspicion: Suspicion) -> str:
-        """Return ``no test separates them: look at all three``; empty for a single observation."""
+        """Return a sentence on observations that no test separates; empty for a single one."""
         count = 1 + len(suspicion.group)
         if count == 1:
             return ""
         words = COUNT_WORDS[count] if count < len(COUNT_WORDS) else f"all {count}"
-        return f"no test separates them: look at {words}"
+        return (
+            f"The fault may be in the {self.group(suspicion)}; the numbers cannot show in which. "
+            f"Check {words}."
+        )
 
     def rivals(self, suspicion: Suspicion) -> str:
         """List the other possible causes as a sentence; empty if the outlier is located."""

@@ -260,13 +260,6 @@ UNDETECTABLE_LENGTH = "Not used: mark both of its ends in photos."
 REMOVED_LENGTH = "It does not fit and was left out: read the tape again."
 REMOVED_PICK = "A mark of it does not fit and was left out: look at it in its photos."
 SUSPECT_PICK = "A mark of it does not fit the others: look at it in its photos."
-_CAMERA_WORDS = {
-    **dict.fromkeys(("fx", "fy"), "camera's focal length"),
-    **dict.fromkeys(("cx", "cy"), "middle of the camera's picture"),
-    **dict.fromkeys(
-        ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"), "distortion of the camera's lens"
-    ),
-}
 REJECTED_PHOTO = "It does not fit the others and was left out."
 
 
@@ -428,11 +421,11 @@ def describe_unchecked(rows: MeasurementResults, links: WeakestLinks | None) -> 
     for i, status in enumerate(rows.status):
         if links is None or status != "not-checked" or not links.unchecked[i]:
             continue
-        unchecked = links.unchecked[i]
+        unchecked = list(dict.fromkeys(links.unchecked[i]))  # a lens has several numbers
         own = [one for one in unchecked if any(repr(label) in one for label in rows.points[i])]
         others = len(unchecked) - 1
         more = f", nor one in {format_count(others, 'other value')}" if others else ""
         named = (own or unchecked)[0]
-        where = _CAMERA_WORDS.get(named, named).replace("pick of", "click on")
+        where = named.replace("pick of", "click on")
         found[i] = f"an error in the {where} would not be noticed{more}"
     return found

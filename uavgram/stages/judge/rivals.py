@@ -91,7 +91,9 @@ def _name_suspects(sets: Sequence[tuple[Reading, ...]]) -> list[str]:
         if len(some) == 1 and some[0].kind == "pixels":
             clicks.setdefault(some[0].frames[0], []).append(repr(some[0].name))
         else:
-            found.append(" together with ".join(one.words for one in some))
+            every = "both" if len(some) == 2 else "all of them"
+            words = join_names((one.words for one in some), None)
+            found.append(words if len(some) == 1 else f"{words} ({every})")
     for frame, names in clicks.items():
         found.append(f"the click on {join_names(names, None, link='or')} in {frame!r}")
     return found

@@ -85,7 +85,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         return report_not_located(names, suspicion, f"For example, {item}.")
     others = []
     if suspicion.group:
-        others.append(f"The {names.group(suspicion)}: {names.advice(suspicion)}.")
+        others.append(names.advice(suspicion))
         item += f", or the {' or the '.join(names.cause(m) for m in suspicion.group)}"
     if suspicion.rivals:
         others.append(names.rivals(suspicion))

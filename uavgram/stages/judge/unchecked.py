@@ -7,7 +7,7 @@ things, control and checks at its point; a match repeats its source's click and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -116,30 +116,29 @@ def _message(
         action = (
             "Neither the log nor the photos contain its direction: state the direction in `mount`"
         )
-        plain = "Not checked: the camera's direction. Straight down was assumed."
         numbers = ""  # an error of an unstated direction may have any size
     elif kind in ("pixels", "heights"):
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
-        either = join_names(labels, MAX_NAMED, link="or")
-        what = f"a wrong {'click on' if kind == 'pixels' else 'height of'} {either}"
+        what = f"a wrong {'click on' if kind == 'pixels' else 'height of'} {_name_any(labels)}"
         it = "them" if len(labels) > 1 else "it"
-        named = join_names(labels, MAX_NAMED)
-        action = f"Click {named} yourself in one more photo, or click {it} again"
-        if kind == "heights":
-            action = f"Mark {named} in one more photo, from another side"
-        elif len(examined.adjustment.survey.frame_id) == 1:
-            action = f"Click {named} again, or click {it} yourself in one more photo"
+        action = f"Mark {it} in one more photo, from another side"
         if kind == "pixels":
-            action += "; what the program found from a click repeats it, and checks nothing"
-        plain = f"Not checked: {action[0].lower()}{action[1:]}."
+            ways = [f"click {it} yourself in one more photo", f"click {it} again"]
+            if len(examined.adjustment.survey.frame_id) == 1:
+                ways.reverse()
+            action = (
+                f"{ways[0].capitalize()}, or {ways[1]}. A place that the program found from your "
+                "click does not count: it repeats that click"
+            )
     else:
         what = f"an error in the {examined.names.observation(worst.member)}"
         action, mend = _second_reading(examined, worst)
-        plain = f"Not checked: {what} would not be noticed."
-    text = (
-        f"{join_names(map(repr, names), MAX_NAMED)} {are} not checked: {what} would not be noticed"
-        f"{numbers}. {action}."
-    )
+    finding = f"{what} would not be noticed"
+    plain = f"{finding[0].upper()}{finding[1:]}."
+    if mend is None:
+        plain = f"{plain} {action}."
+    named = join_names(map(repr, names), MAX_NAMED)
+    text = f"{named} {are} not checked: {finding}{numbers}. {action}."
     return Message(
         "warning",
         "nothing-checks",
@@ -149,6 +148,13 @@ def _message(
         plain=plain,
         mend=mend,
     )
+
+
+def _name_any(labels: Sequence[str]) -> str:
+    """Return ``P1 or P2``; of many labels ``any of 5 points (P1, P2, P3 and 2 more)``."""
+    if len(labels) <= MAX_NAMED:
+        return join_names(labels, None, link="or")
+    return f"any of {len(labels)} points ({join_names(labels, MAX_NAMED)})"
 
 
 def _numbers(examined: TestedSurvey, row: int, worst: UndetectedError) -> str:

@@ -219,9 +219,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
         "everything else was adjusted again. Look at it, and correct or delete it."
     )
     if removal.suspicion.group:
-        text += (
-            f" It may be the {names.group(removal.suspicion)}: {names.advice(removal.suspicion)}."
-        )
+        text += f" {names.advice(removal.suspicion)}"
     if removal.suspicion.rivals:
         text += f" {names.rivals(removal.suspicion)}"
     return Message(

@@ -210,18 +210,19 @@ def build_track(
 
 def _sources(boot: Boot, gimbal: GimbalSamples | None, options: TelemetryOptions) -> Message:
     """Report the log messages used for the seeds, and the source of the sigmas."""
-    position = "none" if boot.positions is None else boot.positions.source
-    attitude = "none" if boot.attitudes is None else boot.attitudes.source
-    camera = "the mount's angles" if gimbal is None else gimbal.source
+    position = "nothing" if boot.positions is None else boot.positions.source
+    attitude = "nothing" if boot.attitudes is None else boot.attitudes.source
+    camera = "the mount in the project" if gimbal is None else gimbal.source
     if options.position_sigma_m != "auto" and options.attitude_sigma_deg != "auto":
         sigmas = "the project"
     elif boot.sigmas is None:
-        sigmas = "the defaults, as the log states none"
+        sigmas = "the program, as the log states none"
     else:
-        sigmas = f"{boot.sigmas.source}, with floors"
+        sigmas = f"{boot.sigmas.source}, with lower limits"
     text = (
-        f"Positions are from {position}, attitudes from {attitude}, the camera's direction from "
-        f"{camera}, sigmas from {sigmas}."
+        f"The log places the photos: the drone's positions are from its records {position}, its "
+        f"turns from {attitude}, the camera's direction from {camera}. Their uncertainties are "
+        f"from {sigmas}. The results begin with these and improve them; no action is needed."
     )
     return Message("info", "pose-source", text)
 

@@ -124,10 +124,8 @@ def _known(result: Result) -> str:
     if all(status == "ok" for status in rows.status):
         return f"{every} measurements are in order, something else is not."
     words = Counter(status_text(rows, row) for row in range(len(rows.name)))
-    (word, count), *others = words.most_common()
-    are = "is" if count == 1 else "are"
-    first = f"{count} of {len(rows.name)} measurements {are} {word}"
-    return f"{join_names((first, *(f'{n} {word}' for word, n in others)), None)}."
+    parts = (f"{n} {'is' if n == 1 else 'are'} {word}" for word, n in words.most_common())
+    return f"of {len(rows.name)} measurements, {join_names(parts, None)}."
 
 
 def list_named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:

@@ -18,7 +18,7 @@ from uavgram.estimation.survey.observations.priors import Prior, make_independen
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import parameter_names
+from uavgram.model.camera import describe_part, parameter_names
 
 LENS = ErrorSource(
     "lens",
@@ -67,6 +67,10 @@ class Calibration(Observation):
         """Return (1, I, P); the row of an exactly known parameter is zero, as it cannot err."""
         inverse = np.linalg.pinv(self.problem.intrinsic_basis)
         return np.asarray(inverse, dtype=np.float64)[None]
+
+    def title(self, member: Member) -> str:
+        """Return ``focal length of the camera`` and the like."""
+        return f"{describe_part(self.axis(member))} of the camera"
 
     def axis(self, member: Member) -> str:
         """Return ``fx`` and the like."""

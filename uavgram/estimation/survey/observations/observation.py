@@ -279,18 +279,18 @@ class Observation:
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a misfit: as a sentence with the values to check, and in a few words."""
-        what = self.axis(found.member)
+        what = f"{self.title(found.member)} ({format_misfit(found.w)})"
         return (
-            f"The assumed {what} does not fit the picks, lengths and log: check its "
-            f"value and its uncertainty in the project ({format_misfit(found.w)}).",
-            f"{what} ({format_misfit(found.w)})",
+            f"This value in the project does not fit the picks, lengths and log: {what}. What is "
+            "measured may be wrong with it. Check the value and its stated error.",
+            what,
         )
 
     def several(self) -> str:
         """Return the opening of a message on several misfits; ``{count}`` is their number."""
         what = self.kind.plural
         if not what:
-            return "{count} things that were assumed do not fit the picks, lengths and log"
+            return "{count} values in the project do not fit the picks, lengths and log"
         return f"{{count}} {what} do not fit"
 
     def remedy(self, row: int) -> Remedy | None:

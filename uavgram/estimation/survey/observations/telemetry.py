@@ -222,20 +222,27 @@ class FlightPrior(Prior):
     """Priors of the unknowns that all frames of a log share."""
 
     kinds: ClassVar[tuple[Kind, ...]] = (
-        _make_shared_kind("boresight", "camera against its mount", "deg", "boresight", "x y z"),
         _make_shared_kind(
-            "lever_arm", "autopilot to camera", "m", "lever arm", "forward right down"
+            "boresight", "direction of the camera in its mount", "deg", "boresight", "x y z"
+        ),
+        _make_shared_kind(
+            "lever_arm", "place of the camera on the drone", "m", "lever arm", "forward right down"
         ),
         _make_shared_kind(
             "position_bias", "offset of the log's positions", "m", "position bias", "east north up"
         ),
         _make_shared_kind("heading_bias", "offset of the log's heading", "deg", "heading bias"),
-        _make_shared_kind("clock", "camera clock", "s", "clock offset"),
+        _make_shared_kind("clock", "offset of the camera's clock", "s", "clock offset"),
     )
 
     def is_part(self) -> bool:
         """Return whether there is a log."""
         return self.problem.survey.telemetry is not None
+
+    def title(self, member: Member) -> str:
+        """Return ``offset of the log's positions (up)`` and the like."""
+        way = self.axis(member).rpartition(" ")[2]
+        return self.kind.words + (f" ({way})" if len(self.kind.axes) > 1 else "")
 
     def rows(self, state: State) -> Block | None:
         """Compare the unknowns with their prior means."""

@@ -1,0 +1,36 @@
+"""Readings that may be wrong in place of those that were left out, in words."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from uavgram.estimation.survey.adjustment import Reading, Refined, Rival
+from uavgram.stages.judge import rivals
+
+
+def _length(name: str) -> Reading:
+    return Reading("lengths", name, f"the length {name!r}", (f"{name}a", f"{name}b"))
+
+
+def test_readings_that_are_wrong_only_together_are_one_choice_of_the_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one, *two = map(_length, ("D1", "D2", "D3"))
+    refined = SimpleNamespace(
+        settled=frozenset(),
+        contested=(one,),
+        rivals=(Rival(tuple(two), (one,)), Rival((*two, one), (one,))),
+        possible=(),
+        adjustment=None,
+    )
+    monkeypatch.setattr(rivals, "is_mount_open", lambda _: False)
+    (message,) = rivals.judge_rivals(cast("Refined", refined))
+
+    assert message.text.startswith(
+        "One of these is wrong: the length 'D1', the length 'D2' and the length 'D3' (both) or the "
+        "length 'D2', the length 'D3' and the length 'D1' (all of them). All the rest fits"
+    )
+    assert "together with" not in message.text
