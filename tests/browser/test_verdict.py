@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from large_photos import write_large_project
 from opened_pages import PageOpener
-from picking_pages import place, wait_until_adjusted
+from picking_pages import eventually, place, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import Locator, Page, expect
 from standings import with_status
 
-from uavgram.model.message import Correction, Message, Remedy
+from uavgram.model.message import Correction, Message, Remedy, propose_photo_removal
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
@@ -133,3 +133,44 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
         expect(page.locator("#first")).to_contain_text("A tape read 0.10 m wrong would not show")
         expect(why).to_be_hidden()
         assert not open_page.errors
+
+
+def two_ways_out(result: Result) -> Result:
+    """A photo of another place, and a camera that hung otherwise than stated."""
+    elsewhere = Reason(
+        cause="photo-elsewhere",
+        text="The photo 'photo0.jpg' shows another place.",
+        plain="photo0 shows another place.",
+        frames=("photo0.jpg",),
+        instead=(propose_photo_removal("photo0.jpg"),),
+    )
+    turned = Reason(cause="gimbal-off", text="The camera is turned: check `mount`.")
+    amber = Verdict(level="amber", reasons=(elsewhere, turned))
+    return replace(with_status(result, "ok"), verdict=amber, messages=())
+
+
+def test_a_photo_is_left_out_and_the_set_up_opened_by_buttons_of_the_verdict(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
+        survey, adjust = server.picking.survey, server.picking.survey.adjust
+
+        def adjusted(observed: Observations) -> LiveAdjustment:
+            found = adjust(observed)
+            off = two_ways_out(found.result)
+            return replace(found, computed=found.computed._replace(result=off))
+
+        monkeypatch.setattr(survey, "adjust", adjusted)
+        page = open_page(server)
+        place(page, "New", 700.0, 500.0)
+        wait_until_adjusted(page)
+        expect(page.locator("#first button")).to_have_text(["Show me", "Leave photo0 out"])
+        expect(page.locator("#first")).to_contain_text("Look whether the photo belongs")
+        page.locator("#why summary").click()
+        set_up = page.locator("#reasons").get_by_role("button", name="Open the set-up")
+        expect(set_up).to_be_enabled()
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.keyboard.press("Escape")  # the form of the new point
+        set_up.click()
+        eventually(page, lambda: any("/door/close?to=setup" in url for url in asked))

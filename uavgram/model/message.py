@@ -10,14 +10,24 @@ from typing import Literal
 from uavgram.model.naming import join_photo_names, photo_name
 
 Action = Literal[
-    "swap", "unpick", "move", "length", "ends", "read", "remove-length", "free", "on-ground", "tape"
+    "swap",
+    "unpick",
+    "move",
+    "length",
+    "ends",
+    "read",
+    "remove-length",
+    "free",
+    "on-ground",
+    "leave-out",
+    "tape",
 ]
 """Kind of a correction.
 
 ``swap`` labels; ``unpick`` or ``move`` a pick; correct a ``length`` or its ``ends``; ``read`` a
 length again, before ``remove-length``, since a length that is only withheld still contradicts;
-``free`` a height, or state that a point is ``on-ground``. ``read`` and ``tape`` are work for a
-person and change no input.
+``free`` a height, or state that a point is ``on-ground``; ``leave-out`` a photo. ``read`` and
+``tape`` are work for a person and change no input.
 """
 
 
@@ -77,6 +87,7 @@ PLURAL: dict[Action, str] = {
     "read": "Read these {count} lengths again",
     "remove-length": "Remove these {count} lengths",
     "free": "Free these {count} heights",
+    "leave-out": "Leave these {count} photos out",
 }
 """Button texts for several corrections at once.
 
@@ -108,6 +119,24 @@ def propose_pick_removal(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
         action="unpick",
         words=f"Remove {what} in {join_photo_names(frames)}",
         corrections=tuple(Correction(action="unpick", frame=f, label=one) for f, one in pairs),
+    )
+
+
+def propose_swap(first: str, second: str) -> Remedy:
+    """Return the remedy that exchanges two labels in all photos."""
+    return Remedy(
+        action="swap",
+        words=f"Swap {first} and {second} in all photos",
+        corrections=(Correction(action="swap", label=first, other=second),),
+    )
+
+
+def propose_photo_removal(frame: str) -> Remedy:
+    """Return the remedy that leaves a photo out; its picks stay in the table."""
+    return Remedy(
+        action="leave-out",
+        words=f"Leave {photo_name(frame)} out",
+        corrections=(Correction(action="leave-out", frame=frame),),
     )
 
 

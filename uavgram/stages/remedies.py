@@ -16,6 +16,7 @@ from uavgram.model.message import (
     Remedy,
     propose_length_removal,
     propose_pick_removal,
+    propose_swap,
 )
 from uavgram.model.naming import join_names, join_photo_names
 from uavgram.model.survey import Survey, SurveyCorrection
@@ -41,7 +42,10 @@ def add_remedies(
 
 
 def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
-    """Insert before each removal of a length the advice to read it again."""
+    """Insert before each removal of a length the advice to read it again; None before a photo's.
+
+    A photo is to be looked at before it is left out, and the message's text names for what.
+    """
     found: list[Remedy | None] = []
     for one in remedies:
         if one is not None and one.action == "remove-length":
@@ -53,6 +57,8 @@ def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
                     corrections=tuple(Correction(action="read", length=name) for name in names),
                 )
             )
+        elif one is not None and one.action == "leave-out":
+            found.append(None)
         found.append(one)
     return found
 
@@ -150,12 +156,7 @@ def _labels(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
         return None
     everywhere = _everywhere(survey, mend.label_of_pick)
     if everywhere is not None:
-        first, second = everywhere
-        return Remedy(
-            action="swap",
-            words=f"Swap {first} and {second} in all photos",
-            corrections=(Correction(action="swap", label=first, other=second),),
-        )
+        return propose_swap(*everywhere)
     by_frame: dict[str, dict[str, str]] = {}
     for pick, right in mend.label_of_pick.items():
         frame, label = _pick(survey, pick)

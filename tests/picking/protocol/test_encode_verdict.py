@@ -10,7 +10,14 @@ import pytest
 import synthetic_survey as survey
 from standings import with_status
 
-from uavgram.model.message import Correction, Message, Remedy
+from uavgram.model.message import (
+    Correction,
+    Message,
+    Remedy,
+    propose_length_removal,
+    propose_photo_removal,
+)
+from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.model.result.reliability import Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineStatus, PickStatus
@@ -29,6 +36,7 @@ from uavgram.picking.protocol.encode_verdict import (
     verdict_json,
 )
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
+from uavgram.stages.judge.verdict import make_reason
 
 SWAPPED = Reason(
     cause="labels-swapped", text="P01 and P10 seem to be swapped: swap them.", labels=("P01", "P10")
@@ -114,7 +122,7 @@ def test_a_reason_names_its_photos_by_number_and_the_pick_to_look_at() -> None:
     every = [said["first"], *said["why"]]
 
     assert [one["frames"] for one in every] == [[1], [], []]
-    assert [one["show"] for one in every] == [{"image": 1, "label": label}] * 2 + [None]
+    assert [one["show"] for one in every] == [[{"image": 1, "label": label}]] * 2 + [[]]
     assert every[2]["measurements"] == ["road width"]
 
 
@@ -139,8 +147,7 @@ def test_a_length_is_shown_in_a_photo_of_both_its_ends() -> None:
         {name: k for k, name in enumerate(names)},
     )
 
-    show = told.json(Reason(cause="line-suspect", text="A.", lengths=("L1",)))["show"]
-    assert show is not None
+    (show,) = told.json(Reason(cause="line-suspect", text="A.", lengths=("L1",)))["show"]
     assert show["label"] in ENDS
     assert names[show["image"]] in (both[0] & both[1]) - {names[alone]}
 
@@ -155,7 +162,57 @@ def test_a_pick_that_was_left_out_is_the_one_to_look_at() -> None:
     picks = replace(made.picks, residual_px=off)
 
     show = told_of(replace(made, picks=picks, verdict=verdict))["first"]["show"]
-    assert show == {"image": made.frames.frame_id.index(image), "label": label}
+    assert show == [{"image": made.frames.frame_id.index(image), "label": label}]
+
+
+def test_each_of_two_points_in_doubt_has_its_own_place_to_look_at() -> None:
+    made = survey.build()
+    labels = tuple(dict.fromkeys(made.picks.label))[:2]
+    reason = Reason(cause="control-exchanged", text="A.", labels=labels)
+
+    found = told_of(replace(made, verdict=Verdict(level="amber", reasons=(reason,))))
+    assert [one["label"] for one in found["first"]["show"]] == list(labels)
+
+
+def test_a_sentence_that_names_a_setting_of_the_set_up_has_the_button_that_opens_it() -> None:
+    made = survey.build()
+    told = {
+        "gimbal-off": "It hung otherwise: check how the camera hung (`mount` in the project).",
+        "clock-off": "The clock is off: change `time.offset_s` in the project.",
+    }
+    reasons = tuple(Reason(cause=cause, text=text) for cause, text in told.items())
+
+    found = told_of(replace(made, verdict=Verdict(level="amber", reasons=reasons), messages=()))
+    ways = [[mend["way"]["to"] for mend in one["mends"]] for one in (found["first"], *found["why"])]
+    assert ways == [["set-up"], []]
+
+
+@pytest.mark.parametrize(
+    "code", ["control-exchanged", "control-left-out", "photo-elsewhere", "telemetry-strained"]
+)
+def test_a_reason_that_nothing_corrects_says_what_to_do(code: str) -> None:
+    made = survey.build()
+    message = Message(
+        "warning", code, "It does not fit.",
+        labels=made.picks.label[:1], frames=made.frames.frame_id[:1],
+    )  # fmt: skip
+    reason = make_reason(message)
+
+    found = told_of(replace(made, verdict=Verdict(level="amber", reasons=(reason,))))["first"]
+    assert found["plain"] == f"{reason.plain} {entry_of(code).action}"
+    assert found["show"]
+
+
+def test_a_reason_that_a_button_corrects_gets_no_general_advice() -> None:
+    name = LINES.name[0]
+    reason = Reason(
+        cause="line-suspect",
+        text="A.",
+        plain="L does not fit.",
+        mend=propose_length_removal([name]),
+    )
+    found = told_of(replace(survey.build(), verdict=Verdict(level="amber", reasons=(reason,))))
+    assert found["first"]["plain"] == "L does not fit."
 
 
 def test_a_reason_has_its_plain_sentence_and_a_button_for_each_remedy() -> None:
@@ -272,7 +329,17 @@ def test_a_length_to_be_read_again_is_opened() -> None:
     strange = replace(again, corrections=(Correction(action="read", length="of a plate"),))
 
     (mend,) = remedies_json([again, strange], LINES, INDEX)
-    assert (mend["words"], mend["changes"], mend["opens"]) == ("Read L2 again", [], "L2")
+    assert mend == {
+        "words": "Read L2 again",
+        "changes": [],
+        "way": {"to": "length", "names": ["L2"]},
+    }
+
+
+def test_a_photo_is_left_out_by_a_button_if_the_page_has_it() -> None:
+    name = next(iter(INDEX))
+    (mend,) = remedies_json(map(propose_photo_removal, (name, "other.jpg")), LINES, INDEX)
+    assert (mend["changes"], mend["way"]) == ([], {"to": "leave-out", "names": [name]})
 
 
 def test_work_in_the_field_has_no_button() -> None:

@@ -115,7 +115,7 @@ def test_the_button_beside_the_first_reason_makes_the_verdict_better(
     assert first["code"].startswith(code)
     assert first["plain"].startswith(plain)
     assert mend["words"].startswith(button)
-    assert first["show"] is not None
+    assert first["show"]
     assert ORDER.index(after["level"]) < ORDER.index(before["level"])
     assert not [one for one in after["why"] if one["code"] == first["code"]]
 

@@ -339,6 +339,7 @@ def test_a_wrong_pose_of_the_log_takes_no_part(scene_factory: Callable[..., Scen
 
     (found,) = (message for message in messages if message.code == "telemetry-strained")
     assert found.frames == ("f2",)
+    assert [one.words for one in found.instead] == ["Leave f2 out"]
     assert "30" in found.text.split(" m away")[0]
     assert not refined.line_removed.any()
     expected, _ = refine(given, REPORT)

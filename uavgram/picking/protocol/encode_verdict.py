@@ -14,12 +14,14 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
 from uavgram.model.message import Correction, Message, Remedy
+from uavgram.model.message_catalogue.lookup import entry_of
 from uavgram.model.naming import format_count, join_names
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults, PickResults
 from uavgram.picking.protocol import messages as m
+from uavgram.picking.protocol.ways_on_page import find_set_up
 from uavgram.stages.judge.verdict import make_reason
 from uavgram.views.formatting import UNIT_WORDS, size_text
 from uavgram.views.formatting import number as format_number
@@ -27,6 +29,13 @@ from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.survey.verdict import STATUS_WORDS, list_named_picks, summarise_result
 
 NOTHING = Reason(cause="", text="")
+SET_UP: m.Mend = {
+    "words": "Open the set-up",
+    "changes": [],
+    "way": {"to": "set-up", "names": []},
+}
+"""Button of a sentence that names a setting which the set-up of the folder asks for."""
+
 MAX_NAMES = 3
 
 READING_ERROR_M = 0.1
@@ -124,29 +133,43 @@ class Remarks:
         at_length
             Message that describes it with its statistics, if there is one.
         """
+        text = at_length.text if at_length else reason.text
+        plain = reason.plain or reason.text
+        if reason.plain and reason.mend is None and ". " not in plain:  # the finding alone
+            plain = f"{plain} {entry_of(reason.cause).action}".rstrip()
+        mends = remedies_json((reason.mend, *reason.instead), self.lines, self.index)
+        if find_set_up(f"{text} {plain}"):
+            mends.append(SET_UP)
         return {
             "level": at_length.level if at_length else "warning",
             "code": reason.cause,
-            "text": at_length.text if at_length else reason.text,
-            "plain": reason.plain or reason.text,
+            "text": text,
+            "plain": plain,
             "labels": list(reason.labels),
             "frames": [self.index[name] for name in reason.frames if name in self.index],
             "lengths": list(reason.lengths),
             "measurements": list(reason.measurements),
-            "mends": remedies_json((reason.mend, *reason.instead), self.lines, self.index),
+            "mends": mends,
             "show": self._show(reason),
         }
 
-    def _show(self, reason: Reason) -> m.PhotoLabel | None:
-        """Return the worst-fitting of the picks that a reason names; None if it names none.
+    def _show(self, reason: Reason) -> list[m.PhotoLabel]:
+        """Return the worst-fitting of the picks that a reason names; of each of a few points.
 
         For a length, in a photo that shows both ends, if there is one: the length is drawn there.
         """
         frames, ends = set(reason.frames), self._ends(reason)
-        labels = set(reason.labels) | ends
+        groups = [set(reason.labels) | ends]
+        if not frames and not ends and len(reason.labels) <= MAX_NAMES:
+            groups = [{label} for label in reason.labels]
+        frames = frames or self._photos_of(ends)
+        found = (self._find_worst(frames, labels) for labels in groups)
+        return [one for one in found if one is not None]
+
+    def _find_worst(self, frames: set[str], labels: set[str]) -> m.PhotoLabel | None:
+        """Return the worst-fitting pick of some labels in some photos; empty: of any."""
         if not frames and not labels:
             return None
-        frames = frames or self._photos_of(ends)
         worst: m.PhotoLabel | None = None
         size = -1.0
         for row, (image, label) in enumerate(zip(self.picks.image, self.picks.label, strict=True)):
@@ -178,7 +201,8 @@ def remedies_json(
 ) -> list[m.Mend]:
     """Return the button text and the changes of each remedy that edits the inputs.
 
-    A remedy that asks to read a length again changes nothing by itself: it ``opens`` that length.
+    A remedy that asks to read a length again, or to leave a photo out, changes no pick by itself:
+    it is a ``way`` to go.
 
     Parameters
     ----------
@@ -196,10 +220,8 @@ def remedies_json(
     """
     found: list[m.Mend] = []
     for remedy in dict.fromkeys(one for one in remedies if one is not None):
-        if remedy.action == "read":
-            names = [one.length for one in remedy.corrections]
-            if all(lines.name.count(name) == 1 for name in names):
-                found.append({"words": remedy.words, "changes": [], "opens": names[0]})
+        if (way := _way(remedy, lines, index)) is not None:
+            found.append({"words": remedy.words, "changes": [], "way": way})
             continue
         changes = [
             change
@@ -209,6 +231,17 @@ def remedies_json(
         if changes and len(changes) == len(remedy.corrections):
             found.append({"words": remedy.words, "changes": changes})
     return found
+
+
+def _way(remedy: Remedy, lines: KnownLines, index: Mapping[str, int]) -> m.Way | None:
+    """Return where a remedy leads that changes no pick; None if the page has no such place."""
+    lengths = [one.length for one in remedy.corrections]
+    frames = [one.frame for one in remedy.corrections]
+    if remedy.action == "read" and all(lines.name.count(name) == 1 for name in lengths):
+        return {"to": "length", "names": lengths}
+    if remedy.action == "leave-out" and all(frame in index for frame in frames):
+        return {"to": "leave-out", "names": frames}
+    return None
 
 
 def _change(one: Correction, lines: KnownLines, index: Mapping[str, int]) -> m.Json | None:

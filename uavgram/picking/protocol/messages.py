@@ -355,12 +355,19 @@ class PhotoLabel(TypedDict):
     label: str
 
 
+class Way(TypedDict):
+    """Place or action of the page, other than a change of picks: a length, a photo, the set-up."""
+
+    to: Literal["length", "leave-out", "set-up"]
+    names: list[str]
+
+
 class Mend(TypedDict):
-    """Button of a remedy: changes sent as one step, or a length to be read again."""
+    """Button of a remedy: changes sent as one step, or a way to go."""
 
     words: str
     changes: list[ChangeFields]
-    opens: NotRequired[str]
+    way: NotRequired[Way]
 
 
 class Remark(Note):
@@ -371,7 +378,7 @@ class Remark(Note):
     lengths: list[str]
     measurements: list[str]
     mends: list[Mend]
-    show: PhotoLabel | None
+    show: list[PhotoLabel]
 
 
 class Verdict(TypedDict):

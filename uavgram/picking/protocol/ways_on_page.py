@@ -100,10 +100,19 @@ def name_on_page(sentence: str) -> str:
     return f"{sentence}{'' if sentence.endswith(('.', '?', '!')) else '.'} {notes}"
 
 
+def find_set_up(sentence: str) -> list[str]:
+    """Return the settings in a sentence that the set-up of the folder asks for."""
+    return [key for key in _find_settings(sentence) if key in _IN_SET_UP]
+
+
+def _find_settings(sentence: str) -> list[str]:
+    return list(dict.fromkeys(m["quoted"] or m["plain"] for m in _SETTING.finditer(sentence)))
+
+
 def _notes(sentence: str) -> Iterator[str]:
     """Yield where the settings and commands that a sentence names are changed or given."""
-    named = dict.fromkeys(m["quoted"] or m["plain"] for m in _SETTING.finditer(sentence))
-    if here := [key for key in named if key in _IN_SET_UP]:
+    named = _find_settings(sentence)
+    if here := find_set_up(sentence):
         yield (
             f"({join_names(here)}: in the set-up of the folder; under Camera, 'Change camera, "
             "mount, tape or case'.)"

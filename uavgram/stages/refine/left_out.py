@@ -14,7 +14,7 @@ from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_lines
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, MessagePlural
+from uavgram.model.message import Message, MessagePlural, propose_photo_removal, propose_swap
 from uavgram.model.naming import format_digits, join_names
 from uavgram.model.survey import Survey
 from uavgram.stages.remedies import make_height_remedy
@@ -160,17 +160,19 @@ def report_control_exchanged(
     used = [{*each} for each, out in zip(ends, refined.line_removed, strict=True) if not out]
     used += [{*one.label} for one in survey.known if one.index not in refined.known_removed]
     photos = "in all photos" if len(survey.frame_id) > 1 else "in the photo"
-    instead = ""
+    instead, swap = "", ()
     if all(len(own & each) != 1 for each in used):
         instead = f"Or the labels {points} are swapped {photos}, and nothing shows which. "
+        swap = (propose_swap(*names),)
     yield Message(
         "warning",
         "control-exchanged",
         f"The coordinates of the control points {points} seem to be exchanged: everything else "
-        f"fits if each has those of the other. {instead}Check the list of control points, and "
-        "which point is which in the photos. The results use the exchanged coordinates.",
+        f"fits if each has those of the other. {instead}The results use the exchanged "
+        "coordinates. Look at both points in the photos; then correct the list of control points.",
         labels=names,
         plain=f"{points} seem to have each other's coordinates.",
+        instead=swap,
     )
 
 
@@ -238,15 +240,16 @@ def report_poses_left_out(refined: Refined) -> Iterator[Message]:
             "telemetry-strained",
             f"Photo {frame!r} is not where the log has it: all other observations place it {how}. "
             "The log's position and direction of it hardly count. Check its picks, its time, how "
-            "the camera hung (mount or gimbal) and its zoom.",
+            "the camera hung (`mount`) and its zoom.",
             frames=(frame,),
             several=MessagePlural(
                 "{count} photos are not where the log has them: all other observations place them "
                 "elsewhere",
                 f"{frame!r} ({how})",
                 ending="The log's positions and directions of them hardly count. Check the picks "
-                "and times of these photos, how the camera hung (mount or gimbal) and its zoom.",
+                "and times of these photos, how the camera hung (`mount`) and its zoom.",
             ),
+            instead=(propose_photo_removal(frame),),
         )
 
 

@@ -119,6 +119,7 @@ def test_a_photo_of_another_place_is_told_as_such(scene_factory: Callable[..., S
     assert cause.message.code == "photo-elsewhere"
     assert cause.mend is not None
     assert cause.mend.without_picks == frozenset(picks.tolist())
+    assert [one.words for one in cause.message.instead] == ["Leave f2 out"]
 
 
 def test_of_two_photos_without_a_log_nothing_shows_which_one_was_mirrored(

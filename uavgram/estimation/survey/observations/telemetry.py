@@ -38,6 +38,7 @@ from uavgram.geometry.motion.camera_motion import (
 from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_inverse
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures, TelemetryPrior
+from uavgram.model.message import Remedy, propose_photo_removal
 from uavgram.model.naming import format_misfit
 
 FLIGHT_LOG = ErrorSource(
@@ -191,13 +192,17 @@ class Telemetry(Observation):
         """Return the opening of a message on several poses."""
         return "{count} photos are not where the log has them"
 
+    def remedy(self, row: int) -> Remedy | None:
+        """Return the removal of the photo."""
+        return propose_photo_removal(self.frame(row))
+
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a pose that does not fit."""
         frame = self.frame(found.member.row)
         how = f"{self.kind.axes[found.member.axis]}, {format_misfit(found.w)}"
         return (
             f"Photo {frame!r} is not where the log has it: {how}. Check its picks, its "
-            "time and the gimbal.",
+            "time and how the camera hung (`mount`).",
             f"{frame!r} ({how})",
         )
 

@@ -80,10 +80,12 @@ export interface Trust { status: "ok" | "not-checked" | "doubtful" | "contradict
 export interface Fit { image: number; label: string; residual_px: (number | null)[]; w: number | null; status: string; spread: Spread | null }
 // Place to look at.
 export interface PhotoLabel { image: number; label: string }
-// Button of a remedy: changes sent as one step, or a length to be read again.
-export interface Mend { words: string; changes: SingleChange[]; opens?: string }
+// Place or action of the page, other than a change of picks: a length, a photo, the set-up.
+export interface Way { to: "length" | "leave-out" | "set-up"; names: string[] }
+// Button of a remedy: changes sent as one step, or a way to go.
+export interface Mend { words: string; changes: SingleChange[]; way?: Way }
 // Reason or warning: one plain sentence, and `text` in detail; remedies, likeliest first.
-export interface Remark { level: "info" | "warning" | "error"; code: string; text: string; labels: string[]; plain: string; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: PhotoLabel | null }
+export interface Remark { level: "info" | "warning" | "error"; code: string; text: string; labels: string[]; plain: string; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: PhotoLabel[] }
 // Verdict: likeliest reason (without text if all is well), all reasons, further remarks.
 export interface Verdict { level: "green" | "amber" | "red" | null; words: string; first: Remark; why: Remark[]; reasons: number; unseen: string }
 // Value and sigma, empty if not measured; grade of a slope; latitude or longitude.

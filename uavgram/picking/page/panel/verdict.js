@@ -20,7 +20,7 @@ export function showVerdict(box, tools, project) {
   const isOld = level === "none";
   const plain = first.plain || unseen;
   /** @param {Remark} remark */
-  const buttons = (remark) => actionsOf(remark, isOld, tools);
+  const buttons = (remark) => actionsOf(remark, isOld, tools, project);
   fillIfNew(byId("first"), JSON.stringify([first, plain, isOld, store.damaged]), () => (plain ? [node("span", { title: first.text || plain }, plain), buttons(first) ?? leaveOutButton(project) ?? ""] : []));
   const behind = first.plain === first.text || isTold(first, why) ? why : [first, ...why];
   byId("why").hidden = !behind.length;
@@ -30,7 +30,7 @@ export function showVerdict(box, tools, project) {
 
 // Warnings as remarks, before there are numbers; damaged photos come first.
 /** @param {Note} note @returns {Remark} */
-const asRemark = ({ level, code, text, labels }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
+const asRemark = ({ level, code, text, labels }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: [] });
 const NOTHING = asRemark({ level: "warning", code: "", text: "", labels: [] });
 function unjudged() {
   const damage = store.opening.find(({ code }) => code === "photo-damaged");
@@ -52,10 +52,10 @@ const isTold = ({ text }, others) => others.some((other) => other.text.startsWit
 
 // Buttons for remedies, the likeliest first, and one to see the place. Remedies of old numbers are disabled:
 // a remedy for earlier picks may harm the present ones.
-/** @param {Remark} remark @param {boolean} isOld @param {Tools} tools */
-function actionsOf({ code, labels, mends, show }, isOld, tools) {
-  const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, tools); } }));
-  const looks = show ? [{ name: "show", words: "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(show.image, show.label) }] : [];
+/** @param {Remark} remark @param {boolean} isOld @param {Tools} tools @param {ProjectActions} project */
+function actionsOf({ code, labels, mends, show }, isOld, tools, project) {
+  const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, tools, project); } }));
+  const looks = show.map(({ image, label }) => ({ name: "show", words: show.length > 1 ? `Show ${label}` : "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(image, label) }));
   const again = code === "nothing-checks" && labels.length ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
   const all = [...ways, ...again, ...looks].sort((a, b) => a.rank - b.rank);
   return all.length ? node("span", { class: "mends" }, ...all.map(({ name, words, disabled, act }, k) => node("button", { name, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
@@ -66,15 +66,15 @@ const REMOVALS = ["unpick", "remove-line"];
 
 // Removals come last: a person should look first.
 /** @param {Mend} mend */
-const rankOf = ({ changes }) => (changes.length && changes.every(({ t }) => REMOVALS.includes(t)) ? REMOVE : MEND);
+const rankOf = ({ changes, way }) => (way?.to === "leave-out" || (changes.length && changes.every(({ t }) => REMOVALS.includes(t))) ? REMOVE : MEND);
 
-/** @param {Mend} mend @param {Tools} tools */
-function putRight({ words, changes, opens }, tools) {
-  const line = store.lines.find(({ name }) => name === opens);
-  if (line) {
-    tools.changeLine(line);
-    return;
-  }
+/** @param {Mend} mend @param {Tools} tools @param {ProjectActions} project */
+function putRight({ words, changes, way }, tools, project) {
+  if (way?.to === "set-up") void project.leave("setup");
+  if (way?.to === "leave-out") void project.leaveOut(way.names, false);
+  const line = way && store.lines.find(({ name }) => name === way.names[0]);
+  if (line && way?.to === "length") tools.changeLine(line);
+  if (way) return;
   // The second click of two would undo the first; and a change just made may need another remedy.
   if (stale() || tools.link.unconfirmed.length) return;
   tools.offers.show(`Done: ${words}.`, tools.send({ t: "all", changes }), { words: "Undo", act: () => tools.send({ t: "undo" }) });

@@ -19,7 +19,7 @@ from uavgram.estimation.survey.adjustment import LeftOutCause
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
-from uavgram.model.message import Message, MessagePlural
+from uavgram.model.message import Message, MessagePlural, propose_photo_removal
 from uavgram.model.naming import join_photo_names
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import (
@@ -460,6 +460,7 @@ def _either_message(diagnosis: Diagnosis, frame: str) -> Message:
         f"picks of {join_photo_names(used)} are used.",
         frames=frames,
         plain="The two photos contradict each other: one of them shows another place.",
+        instead=tuple(map(propose_photo_removal, frames)),
     )
 
 
@@ -476,4 +477,5 @@ def _elsewhere_message(frame: str) -> Message:
             repr(frame),
             ending="Look at them, and pick them again or take them out.",
         ),
+        instead=(propose_photo_removal(frame),),
     )
