@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from large_photos import write_large_project
 from opened_pages import PageOpener
 from picking_pages import eventually, to_page, wait_until_adjusted
 from picking_projects import PickingProject
@@ -118,3 +119,32 @@ def test_a_button_accepts_all_that_was_found_surely_and_nothing_else(
     page.keyboard.press("Control+z")  # one step
     eventually(page, lambda: len(sampled.picking.state.picks) == before)
     assert not open_page.errors
+
+
+def test_a_reading_that_another_tab_changes_is_shown_in_the_focused_field(
+    tmp_path: Path, open_page: PageOpener
+) -> None:
+    with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
+        one, other = open_page(server), open_page(server)
+        field = '[data-row="line L2"] input[name="length"]'
+        name = server.picking.state.lines[1].name
+        assert name == "L2"
+        other.locator(field).click()
+        one.locator(field).fill("20.73")
+        one.locator(field).press("Enter")
+        eventually(one, lambda: server.picking.state.lines[1].length_m == 20.73)
+        for page in (one, other):
+            expect(page.locator(field)).to_have_value("20.73")
+        other.locator(field).press("ControlOrMeta+a")
+        other.keyboard.type("22.5")  # what is being typed stays
+        one.locator(field).fill("21.00")
+        one.locator(field).press("Enter")
+        expect(one.locator(field)).to_have_value("21")
+        other.wait_for_function("() => performance.now() > 0", timeout=5000)
+        expect(other.locator(field)).to_have_value("22.5")
+        assert server.picking.state.lines[1].length_m == 21.0
+        other.keyboard.press("Enter")
+        eventually(one, lambda: server.picking.state.lines[1].length_m == 22.5)
+        for page in (one, other):
+            expect(page.locator(field)).to_have_value("22.5")
+        assert not open_page.errors

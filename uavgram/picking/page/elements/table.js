@@ -7,19 +7,24 @@ import { explained, fixed } from "./numbers.js";
 
 /** @import { Remark, Trust } from "../connection/protocol.js" */
 /** @import { Attribute, Child } from "./dom.js" */
-/** @typedef {{ name: string, row: string | undefined, table: string | null | undefined, place: number, value: string }} Focus a field or button of a section */
+/** @typedef {{ name: string, row: string | undefined, table: string | null | undefined, place: number }} Focus a field or button of a section */
 
 const LONG = 9; // number of rows from which on a table scrolls by itself
 
 /** @type {Map<string, { sign: string, made: HTMLElement }>} */
 const kept = new Map();
 
-// Returns the existing part if its content is unchanged, else makes it.
+/** The field in which a text is being typed that is not taken yet. @type {EventTarget | null} */
+let typing = null;
+addEventListener("input", ({ target }) => { typing = target; });
+for (const end of ["change", "focusout"]) addEventListener(end, () => { typing = null; }, true);
+
+// Returns the existing part if its content is unchanged or a text is being typed in it, else makes it.
 /** @param {string} name @param {unknown} sign @param {() => HTMLElement} make */
 export function keep(name, sign, make) {
   const before = kept.get(name);
   const now = JSON.stringify(sign);
-  if (before?.sign === now) return before.made;
+  if (before && (before.sign === now || (typing instanceof Node && before.made.contains(typing)))) return before.made;
   const made = make();
   kept.set(name, { sign: now, made });
   return made;
@@ -51,7 +56,7 @@ function focusIn(section) {
   /** @type {HTMLElement | null} */
   const row = at.closest("[data-row]");
   const rows = rowsOf(row?.closest("tbody"));
-  return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: rows.findIndex((one) => one === row), value: at.value };
+  return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: rows.findIndex((one) => one === row) };
 }
 
 // Rows of items, without the rows of remarks beneath them.
@@ -74,7 +79,6 @@ function restore(section, focus) {
   const at = scope?.querySelector(`[name="${focus.name}"]`);
   if (!isField(at) || at === document.activeElement) return;
   at.focus({ preventScroll: true });
-  if (at instanceof HTMLInputElement && at.value !== focus.value) at.value = focus.value;
 }
 
 // A long table scrolls in its own box, so that the parts beneath it stay in reach.
@@ -113,6 +117,7 @@ export const list = (messages, more = () => null) => node("ul", { class: "messag
 // long, and so do cells with unchanged content. `sign`: content of a row's cells.
 /** @param {HTMLElement} part @param {{ sign: unknown[], make: () => (string | Element)[][] }[]} rows */
 export function withValues(part, rows) {
+  if (part.querySelectorAll("tr[data-row]").length !== rows.length) return part; // it is kept, as a text is being typed in it
   const cells = part.querySelectorAll("td.value");
   const each = cells.length / rows.length;
   rows.forEach(({ sign, make }, row) => {
