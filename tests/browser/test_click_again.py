@@ -128,6 +128,12 @@ def test_escape_ends_the_round(
         page.keyboard.press("Shift+T")  # says something else for a while
         expect(page.locator("#notice")).not_to_contain_text("Click New again")
         expect(page.locator("#notice")).to_contain_text("Click New again")
+        for key in ("s", "d", "Delete", "Enter", "."):  # are no second click, and end nothing
+            page.keyboard.press(key)
+        expect(page.locator("#notice")).to_contain_text("Click New again")
+        expect(page.locator('[data-tool="pick"]')).to_be_checked()
+        rows = read_rows(tmp_path / "picks.csv")
+        assert [row["label"] for row in rows].count("New") == 1
         page.keyboard.press("Escape")
         expect(page.locator("#notice")).to_be_hidden()
         expect(page.locator('.mark[data-label="New"]')).to_be_visible()

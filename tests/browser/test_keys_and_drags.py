@@ -324,3 +324,39 @@ def test_four_panes_that_are_linked_show_the_same_ground(
 
         eventually(page, alike)
         assert not open_page.errors
+
+
+def test_a_letter_does_nothing_while_a_form_or_a_question_waits(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.keyboard.press("l")
+        for u, v in planted.marks_px[:2]:
+            page.mouse.click(*to_page(page, u, v))
+        form = page.locator('form[data-row="entry"]')
+        expect(form).to_be_visible()
+        page.evaluate("() => document.activeElement.blur()")
+        for key in ("q", "ArrowUp", "s", "w"):
+            page.keyboard.press(key)
+            expect(page.locator("#notice")).to_contain_text(f"{key.upper()} was not used: the form")
+        page.keyboard.press("f")  # only the view
+        page.keyboard.type("12.56")
+        page.evaluate("() => document.activeElement.blur()")
+        page.keyboard.press("Backspace")  # edits the number, and no mark
+        expect(form.locator('input[name="length_m"]')).to_have_value("12.5")
+        page.keyboard.press("Enter")
+        eventually(page, lambda: [one.length_m for one in server.picking.state.lines] == [12.5])
+        assert len(server.picking.state.picks) == 2
+
+        page.keyboard.press("p")
+        u, v = planted.marks_px[0]
+        page.mouse.click(*to_page(page, u + 12.0, v))  # so near that the page asks
+        question = page.get_by_role("alertdialog")
+        expect(question).to_be_visible()
+        page.keyboard.press("Delete")
+        page.keyboard.press("d")
+        expect(page.locator("#notice")).to_contain_text("D was not used: answer the question")
+        expect(question).to_be_visible()
+        expect(page.locator('[data-tool="pick"]')).to_be_checked()
+        assert not open_page.errors

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from uavgram.errors import InputError, describe_non_file
 from uavgram.input_files import UnusableFile, read_text, unread_format
@@ -189,6 +189,8 @@ def search_folder(folder: Path) -> FolderContents:
     texts = (path for path in files if path.suffix.lower() == ".txt")
     gcp = tuple(p for p in texts if "gcp" in p.stem.lower() and unread_format(p) is None)
     no_texts = _find_unusable((*roles, *marks, *gcp), _find_text_fault)
+    foreign = (path for path in files if path.name.lower() in _OWN_TABLES and path not in roles)
+    no_texts = (*no_texts, *(UnusableFile(path, _FOREIGN) for path in foreign))
     bad = {path for path, _ in no_texts}
     tables: dict[TableRole, tuple[Path, ...]] = {}
     for path, role in roles.items():
@@ -306,6 +308,10 @@ def _files(folder: Path) -> Iterable[Path]:
             folders.clear()
             names = [name for name in names if name == _CALIBRATED]
         yield from (Path(here, name) for name in sorted(names) if not _HIDDEN.match(name))
+
+
+_OWN_TABLES = {f"{role}.csv" for role in get_args(TableRole)}
+_FOREIGN = "has not the columns of such a table: it may be of another program"
 
 
 def _table_role(path: Path) -> TableRole | None:

@@ -365,7 +365,7 @@ def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[
     notes
         Findings and messages; the choice is added.
     """
-    names: dict[str, str] = {role: _free_name(folder, role, holdings) for role in PICKED}
+    names: dict[str, str] = {role: _free_name(folder, role) for role in PICKED}
     for role in _TABLES:
         candidates = holdings.tables.get(role, ())
         is_plan = role == "plan"
@@ -384,7 +384,7 @@ def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[
             names[role] = _relative(folder, candidates[0])
             notes.found.append(f"{role}: {names[role]}")
     if holdings.gcp_lists and "control" not in names:
-        names["control"] = _free_name(folder, "control", holdings)
+        names["control"] = _free_name(folder, "control")
         file = holdings.gcp_lists[0]
         tables = f"--output={folder / names['picks']}", f"--control={folder / names['control']}"
         command = shlex.join(["uavgram", "picks", "import", str(file), *tables])
@@ -397,13 +397,11 @@ def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[
     return names
 
 
-def _free_name(folder: Path, role: str, holdings: FolderContents) -> str:
-    """Return a name for a table to be made that no unusable file and no broken link has."""
-    unusable = {path for path, _ in holdings.unusable_texts}
+def _free_name(folder: Path, role: str) -> str:
+    """Return a name for a table to be made that no file has, of this program or of another."""
     names = (f"{role}.csv", *(f"{role}-{k}.csv" for k in range(2, 100)))
     paths = (folder / name for name in names)
-    free = (p for p in paths if p not in unusable and (p.exists() or not p.is_symlink()))
-    return next(free).name
+    return next(p for p in paths if not p.exists() and not p.is_symlink()).name
 
 
 Attempt = tuple[ProjectText, Message | None]

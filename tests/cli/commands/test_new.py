@@ -352,6 +352,28 @@ def test_tables_in_other_text_and_broken_links_stop_nothing(
     ]
 
 
+def test_tables_of_another_program_stay_and_the_project_has_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = bare(tmp_path / "flight")
+    foreign = {"picks.csv": "foto;punkt;x;y\n", "lines.csv": "von;bis;laenge\n", "measure.csv": ""}
+    for name, text in foreign.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    assert main(["new", str(folder)]) == 0
+
+    said = capsys.readouterr().out
+    for name, text in foreign.items():
+        assert f"The table {name} is not used, as it has not the columns of such a table" in said
+        assert (folder / name).read_text(encoding="utf-8") == text
+    project = load_project(folder / "project.yaml")
+    used = (project.picks, project.lines, project.measure)
+    assert [Path(name or "").name for name in used] == [
+        "picks-2.csv",
+        "lines-2.csv",
+        "measure-2.csv",
+    ]
+
+
 def test_files_that_only_look_like_what_is_looked_for_are_not_taken(tmp_path: Path) -> None:
     folder = bare(tmp_path / "flight")
     (folder / "install.log").write_text("nothing flew here\n", encoding="utf-8")

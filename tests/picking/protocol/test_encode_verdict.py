@@ -404,7 +404,7 @@ def test_a_length_says_from_what_error_on_it_would_tell(clean: Result) -> None:
     seen = encode_length_statuses(clean)[0]
 
     assert seen["status"] == "ok"
-    assert seen["shows"].startswith("an error shows from 5.0 cm on")
+    assert seen["shows"].startswith("a tape read wrong by less than 5.0 cm would not show")
     assert describe_undetectable(clean) == ""
 
 

@@ -409,8 +409,8 @@ def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
         "'near' is not checked: a wrong click on P0 would not be noticed"
     )
     action = (
-        "Click it yourself in one more photo, or click it again. A place that the program found "
-        "from your click does not count: it repeats that click."
+        "Click it yourself in one more photo, or again; a place that the program found from your "
+        "click does not count."
     )
     assert message.text.endswith(f". {action}")
     assert message.plain == f"A wrong click on P0 would not be noticed. {action}"

@@ -89,7 +89,11 @@ def describe_undetectable(result: Result) -> str:
     if not weak:
         return ""
     names = join_names(weak, MAX_NAMES)
-    return f"A tape read 0.10 m wrong would not show in {names}: tape one more length near it."
+    it = "them" if len(weak) > 1 else "it"
+    return (
+        f"A tape read 0.10 m wrong would not show in {names}. To check {it}, tape one more length "
+        "nearby."
+    )
 
 
 def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
@@ -424,9 +428,10 @@ def _describe_detectable(result: Result) -> list[str]:
     for i, status in enumerate(lines.status):
         words = ""
         if status in ("used", "suspect"):
-            words = "nothing checks it: no error in it would show"
+            words = "nothing checks it: however wrong the tape was read, it would not show"
             if math.isfinite(lines.mdb_m[i]):
-                words = f"an error shows from {size_text(float(lines.mdb_m[i]))} on"
+                size = size_text(float(lines.mdb_m[i]))
+                words = f"a tape read wrong by less than {size} would not show"
                 on = "" if evidence is None else evidence.lines.on[i]
                 if evidence is not None and on:
                     by = format_number(abs(float(evidence.lines.change[i])), 2)

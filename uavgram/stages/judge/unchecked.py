@@ -123,12 +123,12 @@ def _message(
         it = "them" if len(labels) > 1 else "it"
         action = f"Mark {it} in one more photo, from another side"
         if kind == "pixels":
-            ways = [f"click {it} yourself in one more photo", f"click {it} again"]
+            ways = ["yourself in one more photo", "again"]
             if len(examined.adjustment.survey.frame_id) == 1:
                 ways.reverse()
             action = (
-                f"{ways[0].capitalize()}, or {ways[1]}. A place that the program found from your "
-                "click does not count: it repeats that click"
+                f"Click {it} {ways[0]}, or {ways[1]}; a place that the program found from your "
+                "click does not count"
             )
     else:
         what = f"an error in the {examined.names.observation(worst.member)}"

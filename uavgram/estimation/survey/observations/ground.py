@@ -134,10 +134,11 @@ class Departures(Observation):
         is_height = self.name == "heights"
         return f"height of {label!r}" if is_height else f"departure of {label!r} from the plane"
 
-    def suspect(self, member: Member) -> str:
-        """Return ``ground at 'P'`` or ``height of 'P'``."""
+    def title(self, member: Member) -> str:
+        """Return ``height of the ground at 'P'`` or ``height of 'P'``."""
         (label,) = self.subjects(member.row)["labels"]
-        return f"height of {label!r}" if self.name == "heights" else f"ground at {label!r}"
+        where = "of" if self.name == "heights" else "of the ground at"
+        return f"height {where} {label!r}"
 
     def subjects(self, row: int) -> Subjects:
         """Return its label."""

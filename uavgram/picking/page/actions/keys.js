@@ -163,9 +163,15 @@ function* namesOf({ key, shiftKey, altKey, ctrlKey, metaKey }) {
 function handle(acted, event) {
   for (const name of namesOf(event)) {
     const act = ACTS.get(name);
-    if (act) return act(acted, event) !== false;
+    if (act) return isHeldUp(acted, event, name) || act(acted, event) !== false;
   }
   return false;
+}
+
+// Returns whether something that waits for an answer takes no such key: then only the view changes.
+/** @param {Acted} acted @param {KeyboardEvent} event @param {string} name */
+function isHeldUp({ tools }, { ctrlKey, altKey, metaKey }, name) {
+  return !VIEWING.has(name) && !ctrlKey && !altKey && !metaKey && tools.holdsUp(name);
 }
 
 /**
@@ -239,6 +245,9 @@ export const KEYS = [
     { keys: "?", what: "this help", does: { "?": ({ navigation }) => navigation.help() } },
   ]],
 ];
+
+/** Keys that only change the view, and those that end or explain. */
+const VIEWING = new Set([...KEYS[0][1].flatMap(({ does = {} }) => Object.keys(does)), "Escape", "?", "F6", "Shift+F6"]);
 
 /** @type {Map<string, Act>} */
 const ACTS = new Map(KEYS.flatMap(([, all]) => all.flatMap(({ does = {} }) => Object.entries(does))));

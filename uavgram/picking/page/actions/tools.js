@@ -26,6 +26,7 @@ import { inputIn, TypedNumbers } from "./typed_numbers.js";
 /** @import { ToolName } from "./keys.js" */
 /** @import { Entry, NewLine, PageState } from "./page_state.js" */
 
+const HELD = /^([a-z.]|Delete|Arrow\w+|.*\+Arrow\w+)$/i; // keys that may be meant for the number of a form
 const ASKED = ["skid_speed", "speed", "volume"]; // kinds that need parameters besides their points
 
 export class Tools {
@@ -263,6 +264,22 @@ export class Tools {
   changeMeasurement(measurement) {
     this.state.side = measurement.name;
     this.ask({ ...measurement, t: "measure", was: measurement.name });
+  }
+
+  // Returns whether a key does nothing now, and says what waits: a round of repeated clicks, a question, or the number
+  // of a form, which only the key of a tool ends.
+  /** @param {string} key */
+  holdsUp(key) {
+    const { again, notice, question, state } = this;
+    if (again.left.length) return true; // its notice stays
+    if (question.isOpen) {
+      question.insist();
+      question.refused(key);
+      return true;
+    }
+    const holds = state.entry !== null && HELD.test(key) && !Object.values(TOOLS).some((tool) => tool.key === key.toLowerCase());
+    if (holds) notice.show(`${key.toUpperCase()} was not used: the form at the side waits for its number. Type it and press Enter; Esc drops the form.`);
+    return holds;
   }
 
   cancel() {

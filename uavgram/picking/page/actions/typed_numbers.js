@@ -8,6 +8,8 @@ import { TOOLS } from "./keys.js";
 
 /** @import { Tools } from "./tools.js" */
 
+const EDITING = ["Backspace", "Delete", "ArrowLeft", "ArrowRight"]; // keys that change a typed number
+
 export class TypedNumbers {
   /** @param {Tools} tools */
   constructor(tools) {
@@ -20,7 +22,7 @@ export class TypedNumbers {
   /** @param {KeyboardEvent} event @returns {"form" | "nowhere" | ""} */
   takes({ key, ctrlKey, altKey, metaKey }) {
     if (key === "Shift" || ctrlKey || altKey || metaKey) return "";
-    return NUMERAL.test(key) && this.toForm() ? "form" : this.keep(key) ? "nowhere" : "";
+    return (NUMERAL.test(key) || EDITING.includes(key)) && this.toForm() ? "form" : this.keep(key) ? "nowhere" : "";
   }
 
   // Moves the focus to the number that an open form waits for; returns whether there is one.

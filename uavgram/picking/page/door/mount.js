@@ -42,7 +42,7 @@ function recorded({ logs, has_gimbal }, looks, isPlaced) {
   if (!isPlaced) return "nothing is recorded, and nothing is needed";
   if (looks !== null) return `the photos say ${Math.round(looks)}\u00b0 below the horizon`;
   if (has_gimbal) return "by the gimbal, in the log";
-  return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "recorded nowhere: 90\u00b0 down is assumed, with a large error";
+  return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "straight down is assumed, with a large error";
 }
 
 // Why a person has to choose.
@@ -66,13 +66,14 @@ export function mountPart(found, photos) {
   const deg = node("input", { name: "pitch_below", inputmode: "decimal", autocomplete: "off", value: chosen === OTHER ? -Number(set) : "", "aria-label": "Degrees below the horizon", size: 4 });
   const isPlaced = Boolean(found.log) || found.logs.length + found.poses.length > 0 || photos.some(({ has_position }) => has_position);
   const isUnrecorded = isPlaced && looks === null && !found.has_gimbal; // only a person knows
+  const isUnknown = isUnrecorded && !(found.logs.length && found.has_gimbal === null); // no file has it
   const isAsked = isUnrecorded && set === "auto" && !found.has_project;
   const remark = node("p", { class: "replaced", role: "status" });
   const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
     isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos state no positions: the lengths on the ground place them, and any choice gives the same result."),
     isUnrecorded ? node("p", { class: "dim" }, unrecorded(found)) : null,
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
-      node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words),
+      node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, value === "auto" && isUnknown ? "I do not know" : words),
       value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks, isPlaced) : meant)))),
     remark, isPlaced ? turnPart(found) : null);
   const show = () => {

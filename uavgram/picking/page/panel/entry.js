@@ -40,7 +40,7 @@ function entryForm(entry, tools) {
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
     lengthField(field, "length_m", "Length", entry.length_m, "length", { placeholder: "none: computed" }), lengthField(field, "sigma_m", "Sigma", entry.sigma_m, "small"), name,
-    node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "to compute with"),
+    node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "to compute"),
       node("option", { value: "check", selected: entry.adjust === false }, "only to check"))),
   ] : [name, ...(entry.kind === "skid_speed" ? [
     field("mu", "Friction \u03bc", entry.parameters?.mu ?? "0.7", number), field("mu_sigma", "Sigma of \u03bc", entry.parameters?.mu_sigma ?? "0.05", number),

@@ -40,8 +40,8 @@ function missingPart() {
 // The input that the present tool waits for.
 const hint = node("p", { class: "hint", role: "status" });
 /** @param {PageState} state */
-function hintPart({ tool, draft, entry }) {
-  const words = tool === "pick" || entry ? "" : hintText(TOOLS[tool], draft);
+function hintPart({ tool, draft, entry, hidesMarks }) {
+  const words = tool === "pick" || entry || hidesMarks ? "" : hintText(TOOLS[tool], draft);
   if (hint.textContent !== words) hint.textContent = words;
   return hint;
 }

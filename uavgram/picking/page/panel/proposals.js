@@ -58,7 +58,7 @@ function pair(which, count, words, key, { proposals: all }) {
 function foundRow(one, tools) {
   const { image, label, sigma_px, score, source } = one;
   const { name } = store.photos[image];
-  return tableRow({ "data-row": `found ${label} ${image}` }, label, cell({ class: "named ended", title: name }, goButton(one, name, tools)), cell({ class: one.is_sure ? "" : "is-doubtful" }, `${source}${one.is_sure ? "" : ", unsure"}`), fixed(sigma_px, 2), fixed(score, 2),
+  return tableRow({ "data-row": `found ${label} ${image}` }, label, cell({ class: "named ended", title: name }, goButton(one, name.replace(/\.\w+$/, ""), tools)), cell({ class: one.is_sure ? "" : "is-doubtful" }, `${source}${one.is_sure ? "" : ", unsure"}`), fixed(sigma_px, 2), fixed(score, 2),
     cell({}, signButton("accept", `Accept ${label} in ${name}`, "\u2713", () => tools.proposals.accept([one]), { title: "Accept (full stop)" }),
       signButton("remove", `Refuse ${label} in ${name}`, "\u00d7", () => tools.proposals.refuse([[image, label]]), { title: "Refuse" })));
 }
