@@ -122,7 +122,7 @@ def proposed(project: Path, *, accept: bool = False) -> Outcomes:
     """What the page proposes in the end, or once the sure ones are accepted."""
     survey = LiveSurvey.open(project)
     state = make_state(survey.inputs.picks, survey.inputs.lines, survey.inputs.requests)
-    searches = Searches(survey, lambda *_: None)
+    searches = Searches(survey, lambda *_: None, lambda _: None)
     wanted = SearchInput(state, adjust(survey, state), is_adjusted=True)
     searches._seeker.submit(wanted)
     searches._seeker._seek(wanted)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import ClassVar, cast
+from typing import Any, ClassVar, cast
 
 import cv2
 import numpy as np
@@ -28,6 +28,7 @@ from uavgram.picking.document.state import Line, Pick, State
 from uavgram.picking.session import point_search as module
 from uavgram.picking.session.point_search import OFF_GROUND, PickedTargets, PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable
+from uavgram.picking.session.watched_work import WatchedWork
 from uavgram.picking.session.workers import collect_observations
 from uavgram.pipeline.match.height_evidence import PredictedPlaces
 from uavgram.pipeline.match.patch_search import Photos, Task
@@ -98,6 +99,7 @@ class World:
         self.contradicted: dict[Pair, str] = {}
         self.tried: list[set[Pair]] = []
         self.wrong: list[tuple[str, str]] = []
+        self.sent: list[Any] = []  # for pages
         self.raised: tuple[str, ...] = ()
         self.off_ground: tuple[str, ...] = ()
         self.adjustment = cast("Adjustment", SimpleNamespace())
@@ -137,9 +139,7 @@ class World:
         raised = np.array([one in self.raised for one in label], np.bool_)
         return Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
 
-    def predict(
-        self, picks: Picks, is_wanted: Callable[[Pair], bool], _: Callable[[], bool]
-    ) -> Iterator[PredictedPlaces]:
+    def predict(self, picks: Picks, is_wanted: Callable[[Pair], bool]) -> Iterator[PredictedPlaces]:
         wanted = [one for one in self.by_features if is_wanted((one, picks.label[0]))]
         if wanted:
             self.refused = {}
@@ -198,7 +198,7 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
         photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
         survey = cast("LiveSurvey", world)
         proposed = ProposalTable(lambda all_, of, number: told.append((all_, set(of), number)))
-        one = PointSearch(survey, photos, proposed)
+        one = PointSearch(survey, photos, proposed, WatchedWork("search", world.sent.append))
         one.start()
         running.append((one, photos))
         return one, told
@@ -384,6 +384,27 @@ def test_newer_picks_are_not_waited_for(start: Start) -> None:
     until(lambda: len(seeker.proposed.outcomes) == 6)
     assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.proposed.outcomes.values())
     assert ("3.jpg", "10") not in world.looked  # the second photo was no longer looked at
+
+
+def test_a_search_is_shown_by_its_stage_and_a_person_can_stop_it(start: Start) -> None:
+    """What was found stays, and nothing is searched before the next change."""
+    world = World()
+    seeker, _ = start(world)
+    world.go_on.clear()
+    seeker.submit(SearchInput(state("A"), LAST, is_adjusted=True, version=4))
+    world.begun.wait(LONGEST_WAIT_S)
+    seeker.watched.stop()
+    world.go_on.set()
+    until(lambda: seeker.proposed.searched == 4)
+    assert world.looked == [("2.jpg", "10")]  # the second photo was no longer looked at
+    assert [*seeker.proposed.outcomes] == [("2.jpg", "A")]
+    stages = [sent["stage"] for sent in world.sent]
+    assert stages[0] == "look in other photos: 0 of 2 places"
+    assert stages[-1] == ""
+    search(seeker, state("A"))
+    assert len(world.looked) == 1
+    search(seeker, state("A", u=20.0))
+    assert len(world.looked) == 3
 
 
 def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:

@@ -11,6 +11,7 @@ from typing import Any, cast
 import pytest
 
 from uavgram.errors import UavgramError
+from uavgram.model.work import report_work
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.session import workers as module
 from uavgram.picking.session.workers import AdjustmentWorkers, Task
@@ -30,8 +31,8 @@ class Survey:
 
     inputs = SimpleNamespace(messages=())
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
+    def __init__(self, seconds: float, *, reports: bool = False) -> None:
+        self.seconds, self.reports = seconds, reports
         self.adjusted: list[int] = []
         self.linearised_: list[int] = []
         self.go_on, self.begun = threading.Event(), threading.Event()
@@ -39,6 +40,8 @@ class Survey:
 
     def adjust(self, observed: Observations) -> SimpleNamespace:
         self.begun.set()
+        while self.reports and not self.go_on.wait(0.005):
+            report_work()
         self.go_on.wait(LONGEST_WAIT_S)
         count = len(observed.picks.image)
         self.adjusted.append(count)
@@ -107,6 +110,34 @@ def test_states_that_wait_are_passed_over_for_the_newest(worker: Start) -> None:
     survey.go_on.set()
     wait_for_adjusted(answers, 9)
     assert survey.adjusted == [1, 9]
+
+
+def test_a_newer_change_ends_the_adjustment_of_an_older_state(worker: Start) -> None:
+    survey = Survey(1.0, reports=True)
+    survey.go_on.clear()
+    live, answers = worker(survey)
+    live.submit(Task(1, state(1), final=True))
+    assert survey.begun.wait(LONGEST_WAIT_S)
+    survey.begun.clear()
+    live.submit(Task(2, state(2), final=True))
+    assert survey.begun.wait(LONGEST_WAIT_S)  # of the new one, while the older could go on
+    survey.go_on.set()
+    wait_for_adjusted(answers, 2)
+    assert survey.adjusted == [2]
+    assert [version for version, _ in answers] == [2]
+
+
+def test_a_drag_lets_the_adjustment_of_an_older_state_end(worker: Start) -> None:
+    survey = Survey(1.0, reports=True)
+    survey.go_on.clear()
+    live, answers = worker(survey)
+    live.submit(Task(1, state(1), final=True))
+    assert survey.begun.wait(LONGEST_WAIT_S)
+    live.submit(Task(2, state(2), final=False))
+    time.sleep(0.05)
+    survey.go_on.set()
+    wait_for_adjusted(answers, 2)
+    assert survey.adjusted == [1, 2]
 
 
 def test_a_drag_is_linearised_where_the_full_adjustment_is_slow(worker: Start) -> None:

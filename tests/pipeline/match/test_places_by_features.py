@@ -79,7 +79,7 @@ def test_only_photos_of_the_same_ground_are_searched(survey: LiveSurvey) -> None
             )
         )
     )
-    found = list(FeaturePlaces(survey.inputs).predict(picks, lambda _: True, lambda: False))
+    found = list(FeaturePlaces(survey.inputs).predict(picks, lambda _: True))
 
     (place,) = [one for one in found if len(one)]
     assert (place.image, place.label) == (("b.png",), ("A",))

@@ -18,7 +18,7 @@ from uavgram.model.camera import LensModel
 from uavgram.model.observations import Along, MeasurementKind, Source
 
 Target = Literal["any", "target"]
-Work = Literal["adjustment", "calibration", "results"]
+Work = Literal["adjustment", "calibration", "results", "search"]
 """Long work that is shown on the page and can be stopped."""
 
 

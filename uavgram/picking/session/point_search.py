@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,12 +25,12 @@ from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.targets.uncoded import UncodedTarget
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
-from uavgram.model.work import watch_work
+from uavgram.model.work import report_work
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair, source_of
 from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.session.proposal_table import ProposalTable
-from uavgram.picking.session.watched_work import StoppedError
+from uavgram.picking.session.watched_work import StoppedError, WatchedWork
 from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.match.height_evidence import PredictedPlaces
 from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
@@ -87,16 +88,26 @@ class PointSearch:
         Grey pixels.
     proposed
         Receiver of the results.
+    watched
+        Shows the search, and stops it.
     """
 
-    def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: ProposalTable) -> None:
+    def __init__(
+        self,
+        survey: LiveSurvey,
+        photos: GreyPhotos,
+        proposed: ProposalTable,
+        watched: WatchedWork,
+    ) -> None:
         self._survey, self._photos, self.proposed = survey, photos, proposed
+        self.watched = watched
         self._targets = PickedTargets(survey, photos)
         self._features = FeaturePlaces(survey.inputs)
         self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
         # Picks, lengths and outcomes of the last finished search.
         self._finished: tuple[object, ...] = ()
+        self._stopped: tuple[object, ...] = ()  # picks and lengths of the last one that was stopped
         self._outcomes: dict[Pair, Outcome] = {}  # of the present search
         self._shown: frozenset[Pair] = frozenset()  # with an outcome before it
 
@@ -109,7 +120,7 @@ class PointSearch:
         self._newest.submit(wanted)
 
     def stop(self) -> None:
-        """End after the current photo."""
+        """End at the next step."""
         self._newest.stop()
 
     def _is_outdated(self, wanted: SearchInput) -> bool:
@@ -121,49 +132,51 @@ class PointSearch:
     def _work(self) -> None:
         wanted: SearchInput | None = None
         while (wanted := self._newest.newer(wanted)) is not None:
-            is_finished = True
             try:
-                is_finished = self._seek(wanted)
+                self.watched.run(partial(self._seek, wanted), partial(self._is_outdated, wanted))
+            except StoppedError:  # for a newer state
+                continue
+            except c.RefusedError:  # by a person: until the next change
+                self._stopped = wanted.observed
             except Exception:  # a bug here must not end the worker: picking goes on
                 log.exception("the search in other photos failed")
-            if is_finished and wanted.is_adjusted:
+            if wanted.is_adjusted or wanted.observed == self._stopped:
                 self.proposed.put({}, searched=wanted.version)
 
-    def _seek(self, wanted: SearchInput) -> bool:
-        """Search for picks in the other photos; return False if that was not finished."""
+    def _seek(self, wanted: SearchInput) -> None:
+        """Search for picks in the other photos."""
         self.proposed.let_go(wanted.state)
         before = self.proposed.outcomes
         self._shown = frozenset(before)
         self._outcomes = {pair: one for pair, one in before.items() if one.is_fixed}
-        if (*wanted.observed, before) == self._finished:
-            return True
+        if wanted.observed == self._stopped or (*wanted.observed, before) == self._finished:
+            return
+        if wanted.last is None and not wanted.is_adjusted and self._survey.flight() is not None:
+            return  # nothing predicts a place yet
         picks, _ = make_observations(wanted.state)
         own = {(one.label, *source_of(one)) for one in wanted.state.picks if one.source != "match"}
         new = {label for label, *_ in own - self._known}
-        if not self._seek_everywhere(wanted, picks, None if wanted.is_adjusted else new):
-            return False
+        self._seek_everywhere(wanted, picks, None if wanted.is_adjusted else new)
         self._known = frozenset(own)
         if wanted.is_adjusted:
             gone = [pair for pair in before if pair not in self._outcomes]
             self.proposed.put(self._outcomes, gone=gone)
             self._finished = *wanted.observed, self._outcomes
-        return True
 
     def _seek_everywhere(
         self, wanted: SearchInput, picks: Picks, labels: Collection[str] | None
-    ) -> bool:
-        """Search some labels, or all, in all other photos; return False if that was not finished.
+    ) -> None:
+        """Search some labels, or all, in all other photos.
 
         First where poses predict the picks, then in photos whose pose is unknown or vague.
         """
         last, by_log = wanted.last, self._survey.flight() is not None
-        if last is None and by_log:  # nothing predicts a place yet
-            return wanted.is_adjusted
+        if last is None and by_log:
+            return
         sharp, vague = set[str](), set[str]()
         places = None if last is None else predict_places(self._survey, last, picks, labels)
         if last is not None and places is not None:
-            if not self._seek_by_poses(wanted, places, picks):
-                return False
+            self._seek_by_poses(wanted, places, picks)
             vague = self._find_vague_photos(places)
             sharp = {*last.adjustment.survey.frame_id, *places.image} - vague
 
@@ -172,17 +185,15 @@ class PointSearch:
                 labels is None or pair[1] in labels
             )
 
-        if not self._seek_by_features(wanted, picks, is_vague):
-            return False
-        return last is None or self._seek_by_finds(wanted, last, picks, labels, is_vague)
+        self._seek_by_features(wanted, picks, is_vague)
+        if last is not None:
+            self._seek_by_finds(wanted, last, picks, labels, is_vague)
 
-    def _seek_by_poses(self, wanted: SearchInput, places: AdjustedPlaces, picks: Picks) -> bool:
-        """Search where an adjustment predicts picks; return False if that was not finished."""
-        if not self._look(places, wanted, picks):
-            return False
+    def _seek_by_poses(self, wanted: SearchInput, places: AdjustedPlaces, picks: Picks) -> None:
+        """Search where an adjustment predicts picks."""
+        self._look(places, wanted, picks)
         self._withdraw(places)
         self._withdraw_raised(places, picks)
-        return True
 
     def _find_vague_photos(self, places: PredictedPlaces) -> set[str]:
         """Return photos with a large region in which nothing was found as predicted."""
@@ -198,16 +209,15 @@ class PointSearch:
 
     def _seek_by_features(
         self, wanted: SearchInput, picks: Picks, is_vague: Callable[[Pair], bool]
-    ) -> bool:
-        """Search where features predict picks; return False if that was not finished."""
+    ) -> None:
+        """Search where features predict picks."""
         outcomes = self._outcomes
 
         def is_wanted(pair: Pair) -> bool:
             return is_vague(pair) and (pair not in outcomes or outcomes[pair].found is None)
 
-        predicted = self._features.predict(picks, is_wanted, lambda: self._is_outdated(wanted))
-        done = all(self._look(places, wanted, picks) for places in predicted)
-        return done and not self._is_outdated(wanted)
+        for places in self._features.predict(picks, is_wanted):
+            self._look(places, wanted, picks)
 
     def _seek_by_finds(
         self,
@@ -216,10 +226,10 @@ class PointSearch:
         picks: Picks,
         labels: Collection[str] | None,
         is_vague: Callable[[Pair], bool],
-    ) -> bool:
+    ) -> None:
         """Test finds in photos without a good pose by an adjustment, and search what it predicts.
 
-        With these finds the photos have a pose. Return False if that was not finished.
+        With these finds the photos have a pose.
         """
         observed = last.observed.picks
         keys = zip(observed.label, observed.image, *observed.pixel_px.T.tolist(), strict=True)
@@ -235,31 +245,25 @@ class PointSearch:
             and (pair[1], *one.source) in number
         }
         if not any(map(is_vague, found)):
-            return True
-
-        def go_on(_stage: str) -> None:
-            if self._is_outdated(wanted):
-                raise StoppedError
-
+            return
         try:
-            with watch_work(go_on):
-                adjusted, contradicted = self._survey.adjust_with_finds(last, found)
+            adjusted, contradicted = self._survey.adjust_with_finds(last, found)
         except (SingularError, UavgramError):  # they do not determine the poses
-            return True
-        except StoppedError:
-            return False
+            return
         for pair, why in contradicted.items():
             outcomes[pair] = replace(outcomes[pair], found=None, why=why)
         places = predict_places(self._survey, adjusted, picks, labels)
-        return places is None or self._seek_by_poses(wanted, places, picks)
+        if places is not None:
+            self._seek_by_poses(wanted, places, picks)
 
-    def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> bool:
-        """Search unknown places; return False if newer work arrived before the end."""
-        for some in self._batches(places, self._unknown(places, wanted.state)):
-            if self._is_outdated(wanted):
-                return False
+    def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> None:
+        """Search unknown places."""
+        rows, done = self._unknown(places, wanted.state), 0
+        for some in self._batches(places, rows):
+            report_work(f"look in other photos: {done} of {len(rows)} places")
             self._take(places, some, picks, self._search_places(places, some, picks))
-        return not self._is_outdated(wanted)
+            done += len(some)
+        report_work()
 
     def _withdraw(self, places: AdjustedPlaces) -> None:
         """Withdraw proposals that other matches in the same photo contradict."""

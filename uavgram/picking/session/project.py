@@ -68,6 +68,7 @@ class OpenProject:
         self._aside = find_oldest(self.outputs.folder)
         self.refuses = ""
         self._writing = WatchedWork("results", broadcast)
+        self._works: dict[c.Work, WatchedWork] = {**self.picking.works, "results": self._writing}
 
     def open(self) -> None:
         """Start the picking session."""
@@ -110,7 +111,7 @@ class OpenProject:
             "outputs": self._describe_outputs(),
             "outside": self._outside.find_changed_files(self.picking.find_changed_tables()),
             "calibration": self.calibration.last_message,
-            "stages": {"adjustment": self.picking.adjusting.shown, "results": self._writing.shown},
+            "stages": {kind: work.shown for kind, work in self._works.items()},
             "aside": None if self._aside is None else len(self._changes(self._aside)),
         }
 
@@ -159,12 +160,10 @@ class OpenProject:
         return {"t": "done"}
 
     def _stop_work(self, work: c.Work) -> None:
-        if work == "adjustment":
-            self.picking.adjusting.stop()
-        elif work == "calibration":
+        if work == "calibration":
             self.calibration.stop()
         else:
-            self._writing.stop()
+            self._works[work].stop()
 
     async def _export(self) -> m.Exported:
         """Save and run the project; return its outputs, or the reason for none."""

@@ -20,8 +20,10 @@ from uavgram.model.options import TargetOptions
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair
 from uavgram.picking.document.state import State, make_observations
+from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.point_search import PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable, Tell
+from uavgram.picking.session.watched_work import HIDDEN_S, WatchedWork
 from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
@@ -50,9 +52,11 @@ class Searches:
         The project.
     tell
         Called after each change, from any thread.
+    broadcast
+        Called from any thread with messages for all pages.
     """
 
-    def __init__(self, survey: LiveSurvey, tell: Tell) -> None:
+    def __init__(self, survey: LiveSurvey, tell: Tell, broadcast: m.Broadcast) -> None:
         photos = survey.inputs.photos
         paths = dict(zip(photos.frame_id, photos.path, strict=True))
         sizes = zip(photos.width_px.tolist(), photos.height_px.tolist(), strict=True)
@@ -61,7 +65,8 @@ class Searches:
             dict(zip(photos.frame_id, pixels, strict=True)), lambda name: read_grey(paths[name])
         )
         self._proposed = ProposalTable(tell)
-        self._seeker = PointSearch(survey, self._grey, self._proposed)
+        self.work = WatchedWork("search", broadcast, HIDDEN_S)
+        self._seeker = PointSearch(survey, self._grey, self._proposed, self.work)
         self._plates = PlateSearch(
             survey.inputs,
             self._grey,

@@ -106,7 +106,7 @@ class PickSession:
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
         self._live = AdjustmentWorkers(survey, self.index, self._publish_adjustment, broadcast)
-        self._search = Searches(survey, self._sought)
+        self._search = Searches(survey, self._sought, broadcast)
         self._is_resting = True  # no step is unfinished
         self._state_version = 0  # of `session`, which lags behind `version` during a change
         self._adjusted_version = -1  # of the state that was adjusted last, or could not be
@@ -135,9 +135,9 @@ class PickSession:
         return max(range(len(self.photos)), key=lambda k: counts[self.photos[k].name])
 
     @property
-    def adjusting(self) -> WatchedWork:
-        """Adjustment of the newest state."""
-        return self._live.work
+    def works(self) -> dict[c.Work, WatchedWork]:
+        """Work on the newest state that pages show and can stop."""
+        return {"adjustment": self._live.work, "search": self._search.work}
 
     def stop(self) -> None:
         """Stop adjusting and searching."""

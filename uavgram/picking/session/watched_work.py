@@ -19,13 +19,22 @@ STOPPED: dict[Work, str] = {
         "You stopped the computation, so there are no values yet. Your marks and lengths are kept. "
         "It starts again with the next change, and when results are written."
     ),
+    "search": "Stopped: what was found so far is proposed. The next change searches again.",
 }
 
 Made = TypeVar("Made")
 
 
+HIDDEN_S = 1.0
+"""Duration of work in the background up to which its stages are not shown [s]."""
+
+
 class StoppedError(BaseException):
     """The work is no longer wanted: it is no fault that a stage could mend."""
+
+
+def _never() -> bool:
+    return False
 
 
 class WatchedWork:
@@ -52,22 +61,34 @@ class WatchedWork:
         self._stage = self.shown = ""
         self._begun_s = self._shown_s = 0.0  # on the monotonic clock
         self._is_stopped = False
+        self._is_outdated: Callable[[], bool] = _never
 
-    def run(self, work: Callable[[], Made]) -> Made:
+    def run(self, work: Callable[[], Made], is_outdated: Callable[[], bool] = _never) -> Made:
         """Work, and broadcast the names of the stages.
+
+        Parameters
+        ----------
+        work
+            Reports its stages, and that it goes on (`report_work`).
+        is_outdated
+            Returns whether its result is no longer wanted.
 
         Raises
         ------
         RefusedError
             A person stopped it.
+        StoppedError
+            It is outdated.
         """
-        self._is_stopped = False
+        self._is_stopped, self._is_outdated = False, is_outdated
         self._stage, self._begun_s = "", time.monotonic()
         try:
             with watch_work(self._watch):
                 return work()
         except StoppedError:
-            raise RefusedError(STOPPED[self._kind]) from None
+            if self._is_stopped:
+                raise RefusedError(STOPPED[self._kind]) from None
+            raise
         finally:
             if self.shown:
                 self._show("")
@@ -77,7 +98,7 @@ class WatchedWork:
         self._is_stopped = True
 
     def _watch(self, stage: str) -> None:
-        if self._is_stopped:
+        if self._is_stopped or self._is_outdated():
             raise StoppedError
         self._stage = stage or self._stage
         now_s = time.monotonic()

@@ -23,7 +23,7 @@ from uavgram.picking.protocol.encode_survey import (
     linearised_json,
     unadjusted_json,
 )
-from uavgram.picking.session.watched_work import WatchedWork
+from uavgram.picking.session.watched_work import HIDDEN_S, StoppedError, WatchedWork
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 log = logging.getLogger(__name__)
@@ -38,9 +38,6 @@ FAULT = (
     "uavgram has failed at this state (a fault of the program: its log says where). Nothing that "
     "was done is lost; take the last change back, or go on."
 )
-
-HIDDEN_S = 1.0
-"""Duration of an adjustment up to which its stages are not shown [s]."""
 
 REST_S = 0.3
 """Pause of a step after which it is adjusted in full, though it may continue [s]."""
@@ -196,7 +193,11 @@ class AdjustmentWorkers:
     def _adjust(self) -> None:
         """Adjust tasks in full when they are due."""
         while (task := self._due()) is not None:
-            adjusted, message = self._full(task)
+            try:
+                adjusted, message = self._full(task)
+            except StoppedError:  # the newest task is due
+                self._busy = False
+                continue
             with self._answering:
                 self.last = adjusted
                 self._answer(task.version, message)
@@ -221,10 +222,17 @@ class AdjustmentWorkers:
                     return task
         return None
 
+    def _is_outdated(self, task: Task) -> bool:
+        """Return whether a later step has ended; one that continues waits for this adjustment."""
+        newest = self._newest.task
+        return newest is not None and newest.final and newest.version > task.version
+
     def _full(self, task: Task) -> tuple[LiveAdjustment | None, m.Adjusted | m.Unadjusted]:
         try:
             observed = collect_observations(task.state)
-            adjusted = self.work.run(lambda: self._survey.adjust(observed))
+            adjusted = self.work.run(
+                lambda: self._survey.adjust(observed), lambda: self._is_outdated(task)
+            )
             return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:
             return None, unadjusted_json(str(why), self._survey.inputs.messages)

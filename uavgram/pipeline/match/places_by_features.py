@@ -20,6 +20,7 @@ from uavgram.imaging.ties import Features, read_features
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration
 from uavgram.model.observations import Picks
+from uavgram.model.work import report_work
 from uavgram.pipeline.match.height_evidence import PredictedPlaces
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.threads import limit_blas_threads
@@ -98,12 +99,7 @@ class FeaturePlaces:
         )
         self._matched: dict[tuple[str, str], tuple[Floats, Floats]] = {}
 
-    def predict(
-        self,
-        picks: Picks,
-        is_wanted: Callable[[Pair], bool],
-        is_outdated: Callable[[], bool],
-    ) -> Iterator[PredictedPlaces]:
+    def predict(self, picks: Picks, is_wanted: Callable[[Pair], bool]) -> Iterator[PredictedPlaces]:
         """Predict picks of the ground in nearby photos, photo by photo.
 
         Parameters
@@ -112,8 +108,6 @@ class FeaturePlaces:
             Present picks.
         is_wanted
             Returns whether the place of a label in a photo is to be predicted.
-        is_outdated
-            Returns whether to end before the next photo.
         """
         by_hand: dict[str, list[int]] = {}
         on_ground = ~picks.is_free & (np.nan_to_num(picks.height_m) == 0.0)
@@ -128,8 +122,7 @@ class FeaturePlaces:
                     for i, pair in zip(rows, pairs, strict=True)
                     if pair not in there and is_wanted(pair)
                 ]
-                if is_outdated():
-                    return
+                report_work("compare the photos")
                 if new:
                     yield self._predict(source, target, picks, new)
 

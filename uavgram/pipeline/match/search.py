@@ -546,7 +546,7 @@ def _search_by_features(
         return pair[0] not in sharp and pair not in record.found and wanted(pair)
 
     results: dict[Pair, Found | Missed] = {}
-    for places in features.predict(base.inputs.picks, is_open, lambda: False):
+    for places in features.predict(base.inputs.picks, is_open):
         pairs = tuple(zip(places.image, places.label, strict=True))
         rows = [k for k, pair in enumerate(pairs) if not isinstance(results.get(pair), Found)]
         none = np.zeros(len(pairs), np.bool_)

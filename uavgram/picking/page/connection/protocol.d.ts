@@ -13,7 +13,7 @@ export type Question = Snap | SameGround | SideView | Ties | Refuse | Export | R
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "coordinate" | "skid_speed" | "speed" | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
 export type Source = "hand" | "match" | "target";
 export type Target = "any" | "target";
-export type Work = "adjustment" | "calibration" | "results";
+export type Work = "adjustment" | "calibration" | "results" | "search";
 // Message of the server: `seq` of the page's message that it answers.
 export interface Sent { seq?: number | null }
 // Ellipse of one sigma: half-axes, and the direction of the major one from u towards v.

@@ -11,7 +11,7 @@ const [REACH, HALF_VIEW_DEG] = [44, 22];
 
 /** @type {[string, string, string][]} value, words, explanation */
 const WAYS = [
-  ["auto", "As recorded", ""],
+  ["auto", "", ""], // described by what is recorded
   ["-90", "Straight down", "fixed, looking at the ground below"],
   ["-45", "45\u00b0 down", "fixed, looking forward and down"],
   ["0", "Forward", "fixed, looking at the horizon"],
@@ -36,13 +36,15 @@ function drawing(way) {
     shape("path", { class: "ground", d: "M2 78h108M8 78l-4 5M28 78l-4 5M48 78l-4 5M68 78l-4 5M88 78l-4 5M108 78l-4 5" }), ...seen, shape("path", { class: "drone", d: drone }), shape("circle", { class: "lens", cx: AT[0], cy: AT[1], r: 4 }));
 }
 
-// Describes the recorded orientation, as far as it is known before the files are read.
+const AS_RECORDED = "As recorded";
+
+// Describes the recorded orientation in a title and words, as far as it is known before the files are read.
 /** @param {Found} found @param {number | null} looks @param {boolean} isPlaced */
 function recorded({ logs, has_gimbal }, looks, isPlaced) {
-  if (!isPlaced) return "nothing is recorded, and nothing is needed";
-  if (looks !== null) return `the photos say ${Math.round(looks)}\u00b0 below the horizon`;
-  if (has_gimbal) return "by the gimbal, in the log";
-  return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "straight down is assumed, with a large error";
+  if (!isPlaced) return [AS_RECORDED, "nothing is recorded, and nothing is needed"];
+  if (looks !== null) return [AS_RECORDED, `the photos say ${Math.round(looks)}\u00b0 below the horizon`];
+  if (has_gimbal) return [AS_RECORDED, "by the gimbal, in the log"];
+  return logs.length && has_gimbal === null ? [AS_RECORDED, "by a gimbal, where the log has one"] : ["I do not know", "straight down is assumed, with a large error"];
 }
 
 // Why a person has to choose.
@@ -66,15 +68,15 @@ export function mountPart(found, photos) {
   const deg = node("input", { name: "pitch_below", inputmode: "decimal", autocomplete: "off", value: chosen === OTHER ? -Number(set) : "", "aria-label": "Degrees below the horizon", size: 4 });
   const isPlaced = Boolean(found.log) || found.logs.length + found.poses.length > 0 || photos.some(({ has_position }) => has_position);
   const isUnrecorded = isPlaced && looks === null && !found.has_gimbal; // only a person knows
-  const isUnknown = isUnrecorded && !(found.logs.length && found.has_gimbal === null); // no file has it
+  const [title, meaning] = recorded(found, looks, isPlaced);
   const isAsked = isUnrecorded && set === "auto" && !found.has_project;
   const remark = node("p", { class: "replaced", role: "status" });
   const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
     isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos state no positions: the lengths on the ground place them, and any choice gives the same result."),
     isUnrecorded ? node("p", { class: "dim" }, unrecorded(found)) : null,
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
-      node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, value === "auto" && isUnknown ? "I do not know" : words),
-      value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks, isPlaced) : meant)))),
+      node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words || title),
+      value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, meant || meaning)))),
     remark, isPlaced ? turnPart(found) : null);
   const show = () => {
     const way = part.querySelector("input[type=radio]:checked")?.getAttribute("value") ?? "auto";

@@ -9,13 +9,14 @@ import { MOST_SHOWN } from "./proposals.js";
 /** @import { Proposals } from "../actions/proposals.js" */
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Outputs, Work } from "../connection/protocol.js" */
+/** @typedef {Exclude<Work, "calibration">} Shown */
 
 /** @param {Element} foot @param {boolean} isAsked whether this page asked for the results @param {() => void} exportAll @param {(work: Work) => void} stop @param {Proposals} found */
 export function showOutputs(foot, isAsked, exportAll, stop, found) {
   const { outputs, stages, version } = store;
   if (!outputs) return;
   const exporting = isAsked || Boolean(stages.results);
-  const work = exporting ? "results" : stages.adjustment ? "adjustment" : null; // that is shown
+  const work = exporting ? "results" : WORKS.find((one) => stages[one]) ?? null; // that is shown
   const old = outputs.files.length > 0 && outputs.version !== version;
   const { level } = light();
   const words = writeWords(level);
@@ -29,20 +30,23 @@ export function showOutputs(foot, isAsked, exportAll, stop, found) {
         words),
       ...(work ? [stage, node("button", { name: "stop-work", title: STOPS[work], onclick: () => stop(work) }, "Stop")] : []),
       all.length && !exporting && !lost ? node("button", { name: "accept-export", disabled: searching, title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,
-      node("span", { class: "dim", role: "status" }, exporting || lost ? "" : searching ? "still looking in other photos" : age(outputs, old)))));
+      node("span", { class: "dim", role: "status" }, exporting || lost ? "" : searching && !work && store.photos.length > 1 ? "still looking in other photos" : age(outputs, old)))));
   if (foot.firstChild !== made) foot.replaceChildren(made);
   showStage(work);
 }
 
-const STOPS = { results: "Earlier results stay as they are", adjustment: "Marks and lengths stay as they are" };
+/** Work in the background, the first of which is shown. @type {Exclude<Shown, "results">[]} */
+const WORKS = ["adjustment", "search"];
+/** @type {Record<Shown, string>} */
+const STOPS = { results: "Earlier results stay as they are", adjustment: "Marks and lengths stay as they are", search: "What was found so far stays; your next change starts the search again" };
 const stage = node("span", { class: "stage", role: "status" });
 let begun = 0; // time at which the shown work began
-/** @type {Work | null} */
+/** @type {Shown | null} */
 let shown = null;
 let ticking = 0; // timer
 
 // Shows the stage of long work, as the program names it, and how long it has taken.
-/** @param {Work | null} work */
+/** @param {Shown | null} work */
 function showStage(work) {
   if (work !== shown) begun = performance.now();
   shown = work;
