@@ -73,7 +73,7 @@ def test_one_photo_clicked_twice_does_not_check_how_the_camera_hung(
     assert result.measurements.status == ("not-checked",)
     assert result.verdict.level == "amber"
     assert "`mount`" in result.verdict.reasons[0].text
-    assert "the camera's direction" in result.verdict.reasons[0].plain
+    assert "did not look straight down" in result.verdict.reasons[0].plain
 
 
 def test_with_its_direction_stated_it_is_right_and_the_log_alone_is_unchecked(
@@ -86,7 +86,7 @@ def test_with_its_direction_stated_it_is_right_and_the_log_alone_is_unchecked(
 
     assert abs(result.measurements.value[0] - TRUE_M) < 3.0 * result.measurements.sigma[0]
     assert result.measurements.status == ("not-checked",)
-    assert "the log's pose of 'IMG_0030.jpg' (up)" in first.text
+    assert "the position of 'IMG_0030.jpg' by the log (up)" in first.text
     assert "the camera's direction" not in first.text
 
 

@@ -176,8 +176,16 @@ class Telemetry(Observation):
         return str(self.problem.survey.frame_id[self._prior.frame_index[row]])
 
     def title(self, member: Member) -> str:
-        """Return ``log's pose of 'img1.jpg' (east)``."""
-        return f"log's pose of {self.frame(member.row)!r} ({self.kind.axes[member.axis]})"
+        """Return ``position of 'img1.jpg' by the log (east)`` and the like."""
+        what = "position" if self.kind.units[member.axis] == "m" else "direction"
+        axis = self.kind.axes[member.axis]
+        return f"{what} of {self.frame(member.row)!r} by {self.source} ({axis})"
+
+    @property
+    def source(self) -> str:
+        """Source of the poses, for a sentence."""
+        is_photo = isinstance(self.problem.survey.track, PhotoExposures)
+        return "the tags of the photos" if is_photo else "the log"
 
     def subjects(self, row: int) -> Subjects:
         """Return its frame."""
@@ -190,7 +198,7 @@ class Telemetry(Observation):
 
     def several(self) -> str:
         """Return the opening of a message on several poses."""
-        return "{count} photos are not where the log has them"
+        return f"{{count}} photos are not where they are by {self.source}"
 
     def remedy(self, row: int) -> Remedy | None:
         """Return the removal of the photo."""
@@ -201,7 +209,7 @@ class Telemetry(Observation):
         frame = self.frame(found.member.row)
         how = f"{self.kind.axes[found.member.axis]}, {format_misfit(found.w)}"
         return (
-            f"Photo {frame!r} is not where the log has it: {how}. Check its picks, its "
+            f"Photo {frame!r} is not where it is by {self.source}: {how}. Check its picks, its "
             "time and how the camera hung (`mount`).",
             f"{frame!r} ({how})",
         )

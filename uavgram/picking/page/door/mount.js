@@ -44,7 +44,7 @@ function recorded({ logs, has_gimbal }, looks, isPlaced) {
   if (!isPlaced) return [AS_RECORDED, "nothing is recorded, and nothing is needed"];
   if (looks !== null) return [AS_RECORDED, `the photos say ${Math.round(looks)}\u00b0 below the horizon`];
   if (has_gimbal) return [AS_RECORDED, "by the gimbal, in the log"];
-  return logs.length && has_gimbal === null ? [AS_RECORDED, "by a gimbal, where the log has one"] : ["I do not know", "straight down is assumed, with a large error"];
+  return logs.length && has_gimbal === null ? [AS_RECORDED, "by a gimbal, where the log has one"] : ["I do not know", "90\u00b0 down is assumed, with a large error"];
 }
 
 // Why a person has to choose.
