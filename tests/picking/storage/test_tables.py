@@ -223,6 +223,28 @@ def test_a_table_edited_between_two_sessions_is_simply_read(project: Path, tmp_p
     assert (tmp_path / "picks.csv").read_bytes() == more
 
 
+def test_a_table_that_is_gone_is_written_again_from_the_journal(
+    project: Path, tmp_path: Path
+) -> None:
+    work = Working(project)
+    work.do(c.Place(image="P1.jpg", label="A", u_px=11.0, v_px=20.5))
+    assert work.save() == ""
+    work.tables.close()
+    (tmp_path / "lines.csv").rename(tmp_path / "lines.csv.bak")
+
+    again = Working(project)
+    (message,) = again.tables.messages
+    assert message.code == "pick-recovered"
+    assert message.text.startswith("lines.csv was not there any more.")
+    assert again.session.state == work.session.state
+    assert again.save() == ""
+    assert b"L1" in (tmp_path / "lines.csv").read_bytes()
+    again.tables.close()
+    last = Working(project)
+    assert (last.tables.recovered, last.tables.messages) == (None, ())
+    last.tables.close()
+
+
 @pytest.mark.parametrize("tables_written", range(4))
 def test_a_kill_between_two_tables_loses_and_doubles_nothing(
     project: Path, monkeypatch: pytest.MonkeyPatch, tables_written: int

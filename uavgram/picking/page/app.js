@@ -159,7 +159,8 @@ class App {
     if (!this.panes.all.length) this.resume();
     else for (const pane of this.panes.all) pane.show(pane.image);
     this.sayWhatIsGone();
-    if (store.recovered) this.notice.show("The last session ended without saving. What it had confirmed was recovered, and is saved now.", true);
+    const recovered = store.recovered && store.opening.find(({ code }) => code === "pick-recovered");
+    if (recovered) this.notice.show(recovered.text, true);
     this.tools.suggest();
     byId("panes").dataset.ready = "true";
   }

@@ -26,6 +26,7 @@ from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.io.tables.updates import update_lines, update_measure, update_picks
 from uavgram.model.message import Message
+from uavgram.model.naming import join_names
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.state import State, make_observations, make_state
 from uavgram.picking.storage.journal import Journal, JournalContent, load_journal
@@ -228,25 +229,45 @@ class Tables:
         except UavgramError as why:
             self._put_aside(journal, str(why))
             return None
-        if left.session is None or not left.unsaved:
+        gone = [role for role, digest in _digests(self._original).items() if digest is None]
+        gone = [role for role in gone if left.settled.get(role)]  # of what was saved
+        if left.session is None or not (left.unsaved or gone):
             return None
         state = left.session.state
         if state == self._files:  # only the note that they are saved is missing
             return state
-        if reason := self._explain_refusal(left, photos):
+        if reason := self._explain_refusal(left, photos, gone):
             self._put_aside(journal, reason)
             return None
         text = (
             "An earlier session ended without saving. What it had confirmed was taken from its "
             "journal and saved. Undo goes back to what the tables held before."
         )
+        if gone:
+            names = join_names(self._paths[role].name for role in gone)
+            text = (
+                f"{names} {'was' if len(gone) == 1 else 'were'} not there any more. The page had "
+                "kept a copy of the content, and wrote it again. If you removed it on purpose, "
+                "take it back by Undo."
+            )
         self.messages = (Message("warning", "pick-recovered", text),)
         return state
 
-    def _explain_refusal(self, left: JournalContent, photos: frozenset[str]) -> str:
-        """Return why the changes of a journal cannot be recovered; empty if they can."""
+    def _explain_refusal(
+        self, left: JournalContent, photos: frozenset[str], gone: Sequence[str]
+    ) -> str:
+        """Return why the changes of a journal cannot be recovered; empty if they can.
+
+        Parameters
+        ----------
+        left, photos
+            The changes, and the names of the project's photos.
+        gone
+            Tables that were saved and are missing.
+        """
         state = self._files if left.session is None else left.session.state
-        if not left.fits(_digests(self._original)):
+        saved = {role: left.settled[role] for role in gone}
+        if not left.fits({**_digests(self._original), **saved}):
             return "the tables were changed since by another program"
         known = {pick.image for one in (left.saved, state) if one for pick in one.picks}
         if not (known <= photos and {pick.image for pick in self._files.picks} <= known):
