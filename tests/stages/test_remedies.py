@@ -13,11 +13,12 @@ from uavgram.model.message import (
     Message,
     Remedy,
     merge_remedies,
+    propose_free_heights,
     propose_length_removal,
     propose_pick_removal,
 )
 from uavgram.model.survey import Ends, Survey, SurveyCorrection
-from uavgram.stages.remedies import add_remedies, make_height_remedy, make_remedy
+from uavgram.stages.remedies import add_remedies, make_remedy
 
 
 @pytest.fixture(scope="module")
@@ -160,14 +161,14 @@ def test_rivals_are_told_beside_the_likeliest(survey: Survey) -> None:
 
 def test_several_are_done_together_only_where_that_is_safe() -> None:
     heights = merge_remedies(
-        [make_height_remedy(["A"]), make_height_remedy(["B"]), make_height_remedy(["B"])]
+        [propose_free_heights(["A"]), propose_free_heights(["B"]), propose_free_heights(["B"])]
     )
     assert heights is not None
 
     assert heights.words == "Free these 2 heights"
     assert [one.label for one in heights.corrections] == ["A", "B"]
-    assert merge_remedies([make_height_remedy(["A"]), None]) is None
-    assert merge_remedies([make_height_remedy(["A"]), propose_length_removal(["L1"])]) is None
+    assert merge_remedies([propose_free_heights(["A"]), None]) is None
+    assert merge_remedies([propose_free_heights(["A"]), propose_length_removal(["L1"])]) is None
     assert (
         merge_remedies(
             [propose_pick_removal([("1.jpg", "A")]), propose_pick_removal([("2.jpg", "A")])]

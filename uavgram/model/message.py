@@ -122,6 +122,18 @@ def propose_pick_removal(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
     )
 
 
+def propose_free_heights(labels: Sequence[str]) -> Remedy | None:
+    """Return a correction that frees heights of points; None without any."""
+    if not labels:
+        return None
+    what = f"the height of {labels[0]}" if len(labels) == 1 else f"these {len(labels)} heights"
+    return Remedy(
+        action="free",
+        words=f"Free {what}",
+        corrections=tuple(Correction(action="free", label=label) for label in labels),
+    )
+
+
 def propose_swap(first: str, second: str) -> Remedy:
     """Return the remedy that exchanges two labels in all photos."""
     return Remedy(

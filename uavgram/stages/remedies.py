@@ -14,6 +14,7 @@ from uavgram.model.message import (
     Message,
     MessagePlural,
     Remedy,
+    propose_free_heights,
     propose_length_removal,
     propose_pick_removal,
     propose_swap,
@@ -122,18 +123,6 @@ def make_remedy(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     every = (change for one in order for change in one.corrections)
     words = [known[0].words, *(one.words[0].lower() + one.words[1:] for one in known[1:])]
     return replace(known[0], words=" and ".join(words), corrections=tuple(every))
-
-
-def make_height_remedy(labels: Sequence[str]) -> Remedy | None:
-    """Return a correction that frees heights of points; None without any."""
-    if not labels:
-        return None
-    what = f"the height of {labels[0]}" if len(labels) == 1 else f"these {len(labels)} heights"
-    return Remedy(
-        action="free",
-        words=f"Free {what}",
-        corrections=tuple(Correction(action="free", label=label) for label in labels),
-    )
 
 
 def make_tape_remedy(start: str, end: str, length_m: float) -> Remedy:
@@ -268,7 +257,7 @@ def _ends(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
 
 def _heights(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     """Return heights to be freed, and free heights to be put back on the ground."""
-    up = make_height_remedy([survey.label[k] for k, free in mend.free.items() if free])
+    up = propose_free_heights([survey.label[k] for k, free in mend.free.items() if free])
     down = [survey.label[k] for k, free in mend.free.items() if not free and survey.is_free[k]]
     if not down:
         return up

@@ -151,3 +151,18 @@ def test_lengths_that_nothing_checks_are_not_blamed_for_relief(seed: int) -> Non
     for one in (suspicion.suspect for suspicion in found):
         if one.kind in READINGS:
             assert groups[one.kind].redundancy[one.row].max() > 0.02
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_point_that_may_stand_above_the_ground_can_be_freed_if_two_photos_show_it(
+    frames: int,
+) -> None:
+    scene = make_scene(6, frames=frames, lines=8, roughness=0.02)
+    names = ObservationNames(with_all(scene.survey).adjustment)
+    member = Member("roughness", 0, 0)
+    (label,) = names.find_kind(member).subjects(0)["labels"]
+    assert names.cause(member) == f"height of {label!r} (it may stand above the ground)"
+    remedy = names.find_kind(member).remedy(0)
+    assert (remedy is None) == (frames == 1)
+    if remedy is not None:
+        assert remedy.words == f"Free the height of {label}"

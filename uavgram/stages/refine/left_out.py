@@ -14,10 +14,15 @@ from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_lines
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, MessagePlural, propose_photo_removal, propose_swap
+from uavgram.model.message import (
+    Message,
+    MessagePlural,
+    propose_free_heights,
+    propose_photo_removal,
+    propose_swap,
+)
 from uavgram.model.naming import format_digits, join_names
 from uavgram.model.survey import Survey
-from uavgram.stages.remedies import make_height_remedy
 
 
 def predict_readings(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
@@ -214,7 +219,7 @@ def report_heights_left_out(
             text,
             labels=(label,),
             several=several,
-            mend=make_height_remedy([label]),
+            mend=propose_free_heights([label]),
         )
 
 

@@ -32,10 +32,14 @@ from uavgram.estimation.survey.adjustment import (
 )
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, MessagePlural, propose_pick_removal
+from uavgram.model.message import (
+    Message,
+    MessagePlural,
+    propose_free_heights,
+    propose_pick_removal,
+)
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.readjustment import readjust
-from uavgram.stages.remedies import make_height_remedy
 
 MAX_UNEVENNESS_M = 0.05
 """Allowed distance of ground points from their plane while the plane is fitted [m]."""
@@ -405,5 +409,5 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
         heights_sigma_m=(sigma_m,),
         several=several,
         plain=f"{label} is {size_m:.{rough}f} m {side} the ground{other}.",
-        mend=make_height_remedy([label]),
+        mend=propose_free_heights([label]),
     )

@@ -21,6 +21,7 @@ from uavgram.estimation.survey.observations.priors import Prior, make_independen
 from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Remedy, propose_free_heights
 from uavgram.model.survey import Survey
 
 if TYPE_CHECKING:
@@ -139,6 +140,19 @@ class Departures(Observation):
         (label,) = self.subjects(member.row)["labels"]
         where = "of" if self.name == "heights" else "of the ground at"
         return f"height {where} {label!r}"
+
+    def suspect(self, member: Member) -> str:
+        """Return ``height of 'P'``, of a point on the ground with a hint."""
+        (label,) = self.subjects(member.row)["labels"]
+        hint = "" if self.name == "heights" else " (it may stand above the ground)"
+        return f"height of {label!r}{hint}"
+
+    def remedy(self, row: int) -> Remedy | None:
+        """Return that its height is to be found from its photos, if there are several."""
+        survey = self.problem.survey
+        frames = survey.pick_frame[survey.pick_label == self.label[row]]
+        several = len(np.unique(frames)) > 1
+        return propose_free_heights(self.subjects(row)["labels"]) if several else None
 
     def subjects(self, row: int) -> Subjects:
         """Return its label."""
