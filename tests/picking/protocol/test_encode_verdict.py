@@ -27,7 +27,6 @@ from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_verdict import (
     Remarks,
     describe_unchecked,
-    describe_undetectable,
     encode_length_statuses,
     encode_measurement_statuses,
     encode_photo_statuses,
@@ -37,6 +36,7 @@ from uavgram.picking.protocol.encode_verdict import (
 )
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 from uavgram.stages.judge.verdict import make_reason
+from uavgram.views.survey.verdict import describe_undetectable
 
 SWAPPED = Reason(
     cause="labels-swapped", text="P01 and P10 seem to be swapped: swap them.", labels=("P01", "P10")

@@ -133,6 +133,15 @@ def test_where_the_verdict_is_red_checks_that_fit_are_not_green() -> None:
     assert "But the verdict on the whole is red" in html
 
 
+def test_lengths_that_were_computed_with_are_no_check_and_their_hidden_errors_are_named() -> None:
+    result = survey.build()
+    weak = replace(result.lines, mdb_m=np.full(len(result.lines.name), 1.1))
+    html = render_report(replace(result, lines=weak))
+
+    assert "that they agree with it is no check of it." in html
+    assert "A tape read 0.10 m wrong would not show in" in html
+
+
 def test_checks_say_inside_or_outside() -> None:
     result = survey.build()
     error = result.point_checks.error_m.copy()

@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.message_catalogue.lookup import entry_of
-from uavgram.model.naming import format_count, join_names
+from uavgram.model.naming import format_count
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
@@ -26,7 +26,13 @@ from uavgram.stages.judge.verdict import make_reason
 from uavgram.views.formatting import UNIT_WORDS, size_text
 from uavgram.views.formatting import number as format_number
 from uavgram.views.survey.reliability import weakest_links
-from uavgram.views.survey.verdict import STATUS_WORDS, list_named_picks, summarise_result
+from uavgram.views.survey.verdict import (
+    READING_ERROR_M,
+    STATUS_WORDS,
+    describe_undetectable,
+    list_named_picks,
+    summarise_result,
+)
 
 NOTHING = Reason(cause="", text="")
 SET_UP: m.Mend = {
@@ -37,12 +43,6 @@ SET_UP: m.Mend = {
 """Button of a sentence that names a setting which the set-up of the folder asks for."""
 
 MAX_NAMES = 3
-
-READING_ERROR_M = 0.1
-"""Assumed error of a misread tape [m]: one digit of the decimetres, at least.
-
-A length with a larger minimal detectable bias does not check its own reading.
-"""
 
 
 def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) -> m.Verdict:
@@ -76,24 +76,6 @@ def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) ->
         "reasons": len(verdict.reasons),
         "unseen": describe_undetectable(result),
     }
-
-
-def describe_undetectable(result: Result) -> str:
-    """Return a sentence on lengths in which a misread tape would not show; empty without one."""
-    lines = result.lines
-    weak = [
-        name
-        for name, status, mdb_m in zip(lines.name, lines.status, lines.mdb_m.tolist(), strict=True)
-        if status == "used" and not mdb_m <= READING_ERROR_M
-    ]
-    if not weak:
-        return ""
-    names = join_names(weak, MAX_NAMES)
-    it = "them" if len(weak) > 1 else "it"
-    return (
-        f"A tape read 0.10 m wrong would not show in {names}. To check {it}, tape one more length "
-        "nearby."
-    )
 
 
 def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:

@@ -260,9 +260,9 @@ def _report_wide_sigmas(
         for g in named
     )
     text = (
-        "Everything fits far better than stated: the stated errors are too large, and so are the "
-        "uncertainties of the results. State smaller errors of picks (`picks_sigma_px`), lengths, "
-        "ground and log, if they are true. The errors are "
+        "Everything fits far better than the stated errors promise, so the stated errors may be "
+        "too large, and the uncertainties of the results rather too large than too small. No "
+        "action is needed. The errors are "
         f"{format_digits((cost / degrees) ** 0.5)} "
         "times the stated ones" + (f" ({which})." if which else ".")
     )

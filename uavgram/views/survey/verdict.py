@@ -24,8 +24,15 @@ LEVEL_WORDS: dict[VerdictLevel | None, str] = {
     "red": "red, do not use these numbers",
     None: "none, as nothing is measured",
 }
+MAX_NAMED = 3
 MAX_VALUES = 1
 """Number of measurements up to which the headline gives their values, not their count."""
+
+READING_ERROR_M = 0.1
+"""Assumed error of a misread tape [m]: one digit of the decimetres, at least.
+
+A length with a larger minimal detectable bias does not check its own reading.
+"""
 
 STATUS_WORDS: dict[MeasurementStatus, str] = {
     "ok": "ok",
@@ -126,6 +133,24 @@ def _known(result: Result) -> str:
     words = Counter(status_text(rows, row) for row in range(len(rows.name)))
     parts = (f"{n} {'is' if n == 1 else 'are'} {word}" for word, n in words.most_common())
     return f"of {len(rows.name)} measurements, {join_names(parts, None)}."
+
+
+def describe_undetectable(result: Result) -> str:
+    """Return a sentence on lengths in which a misread tape would not show; empty without one."""
+    lines = result.lines
+    weak = [
+        name
+        for name, status, mdb_m in zip(lines.name, lines.status, lines.mdb_m.tolist(), strict=True)
+        if status == "used" and not mdb_m <= READING_ERROR_M
+    ]
+    if not weak:
+        return ""
+    names = join_names(weak, MAX_NAMED)
+    it = "them" if len(weak) > 1 else "it"
+    return (
+        f"A tape read 0.10 m wrong would not show in {names}. To check {it}, tape one more length "
+        "nearby."
+    )
 
 
 def list_named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:

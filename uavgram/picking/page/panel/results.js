@@ -81,6 +81,7 @@ function files({ files: all, recording, folder }) {
   return node("nav", { "aria-label": "Outputs", class: "files" },
     node("div", { class: "main-files" }, ...shown.map(({ name, words }, k) => link(`/output/${name}`, words, { ...inNewTab, class: k ? "" : "as-button" })),
       recording ? link("/recording", "Recording in the Rerun viewer", inNewTab) : null),
+    shown.length ? node("p", { class: "dim" }, "To print a report, or to keep it as a PDF, open it and press Ctrl+P.") : null,
     saved.length ? node("ul", { "aria-label": "Files to save" }, ...saved.map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))) : null,
     all.length ? node("p", { class: "dim" }, "All in ", node("code", {}, folder)) : null);
 }
