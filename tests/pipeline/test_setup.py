@@ -38,6 +38,16 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "case"
 
 
+def test_a_gcp_list_of_another_flight_is_named_and_not_offered(folder: Path) -> None:
+    (folder / "gcp_list.txt").write_text(
+        GCP.replace("P1.jpg", "X1.jpg").replace("P2.jpg", "X2.jpg")
+    )
+    found = inspect_folder(folder)
+
+    assert found.gcp_lists == ()
+    assert found.unusable == ("gcp_list.txt is not used: it names none of the photos here.",)
+
+
 def test_a_gcp_list_is_taken_with_its_sigma(folder: Path) -> None:
     (folder / "gcp_list.txt").write_text(GCP)
     (folder / "notes.odt").write_bytes(b"x")

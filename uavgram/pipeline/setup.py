@@ -17,7 +17,7 @@ import numpy as np
 from uavgram.config.project import load_project
 from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
-from uavgram.input_files import describe_files
+from uavgram.input_files import describe_files, read_text
 from uavgram.io.folders import (
     MAX_LOG_BYTES,
     FolderContents,
@@ -199,6 +199,12 @@ def inspect_folder(folder: Path) -> FolderSummary:
     own = {folder / PROJECT}
     others = tuple(path for path in holdings.others if path not in own)
     tables = (path for several in holdings.tables.values() for path in several)
+    gcp = tuple(path for path in holdings.gcp_lists if _names_a_photo(path, holdings))
+    strange = (
+        f"{name} is not used: it names none of the photos here."
+        for name in _names(folder, tuple(p for p in holdings.gcp_lists if p not in gcp))
+    )
+    unusable = (one.text for one in order_messages(*report_unusable(folder, holdings)))
     return FolderSummary(
         has_project=(folder / PROJECT).exists(),
         photos=tuple(
@@ -210,9 +216,9 @@ def inspect_folder(folder: Path) -> FolderSummary:
         cameras=tuple(_cameras(folder, holdings)),
         logs=_names(folder, holdings.logs),
         poses=_poses(folder, holdings.poses, project),
-        gcp_lists=_names(folder, holdings.gcp_lists),
+        gcp_lists=_names(folder, gcp),
         tables=_names(folder, tuple(sorted(tables))),
-        unusable=tuple(one.text for one in order_messages(*report_unusable(folder, holdings))),
+        unusable=(*unusable, *strange),
         passed_over=describe_files(others),
         setup=Setup() if project is None else read_setup(project),
         camera=None if project is None else _camera_of(folder, project),
@@ -220,6 +226,15 @@ def inspect_folder(folder: Path) -> FolderSummary:
         has_gimbal=_has_gimbal(holdings.logs),
         fault=fault,
     )
+
+
+def _names_a_photo(table: Path, holdings: FolderContents) -> bool:
+    """Return whether a list of control points names one of the photos."""
+    try:
+        text = read_text(table, "save it as UTF-8")
+    except InputError:
+        return False
+    return any(path.name in text for group in holdings.photos for path in group.files)
 
 
 def _names(folder: Path, paths: tuple[Path, ...]) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import (
     Message,
     MessagePlural,
+    Remedy,
     propose_free_heights,
     propose_photo_removal,
     propose_swap,
@@ -165,7 +166,8 @@ def report_control_exchanged(
     used = [{*each} for each, out in zip(ends, refined.line_removed, strict=True) if not out]
     used += [{*one.label} for one in survey.known if one.index not in refined.known_removed]
     photos = "in all photos" if len(survey.frame_id) > 1 else "in the photo"
-    instead, swap = "", ()
+    instead = ""
+    swap: tuple[Remedy, ...] = ()
     if all(len(own & each) != 1 for each in used):
         instead = f"Or the labels {points} are swapped {photos}, and nothing shows which. "
         swap = (propose_swap(*names),)
