@@ -351,7 +351,8 @@ def test_a_letter_does_nothing_while_a_form_or_a_question_waits(
 
         page.keyboard.press("p")
         u, v = planted.marks_px[0]
-        page.mouse.click(*to_page(page, u + 12.0, v))  # so near that the page asks
+        x, y = to_page(page, u, v)
+        page.mouse.click(x + 15, y)  # so near that the page asks
         question = page.get_by_role("alertdialog")
         expect(question).to_be_visible()
         page.keyboard.press("Delete")

@@ -96,7 +96,7 @@ def test_a_button_accepts_all_that_was_found_surely_and_nothing_else(
     page = open_page(sampled, *window)
     wait_until_adjusted(page)
     page.get_by_role("table", name="Found by the program").wait_for()
-    expect(page.get_by_text("Still looking")).to_have_count(0)
+    expect(page.get_by_role("button", name="Accept all found surely")).to_be_enabled()  # all found
     told = sampled.picking.initial_state()["proposals"]["found"]
     sure = {(one["image"], one["label"]) for one in told if one["is_sure"]}
     rest = {(one["image"], one["label"]) for one in told} - sure
