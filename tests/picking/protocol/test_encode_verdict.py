@@ -17,7 +17,7 @@ from uavgram.model.message import (
     propose_length_removal,
     propose_photo_removal,
 )
-from uavgram.model.message_catalogue.lookup import entry_of
+from uavgram.model.message_catalogue import entry_of
 from uavgram.model.result.reliability import Reason, Verdict, WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineStatus, PickStatus

@@ -38,7 +38,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import Survey
-from uavgram.stages.refine import gross_errors, minima, robust_adjustment
+from uavgram.stages.refine import first_values, gross_errors, minima, robust_adjustment
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, Patience, find_best_minima
 from uavgram.stages.refine.robust_adjustment import ZERO_WEIGHT
@@ -278,7 +278,7 @@ def test_first_values_are_adjusted_once_also_where_frames_in_doubt_begin_again(
     survey, _ = swapped_in_one_photo(make_scene(seed, **NO_LOG))
     tried: list[tuple[bytes, ...]] = []
     begun: list[int] = []
-    minimise, other = minima._minimise, minima.find_other_first_values
+    minimise, other = minima._minimise, first_values.find_other_first_values
 
     def record(survey: Survey, values: FirstValues, *rest: Any) -> Any:  # noqa: ANN401
         tried.append((survey.pixel_px.tobytes(), *(np.asarray(one).tobytes() for one in values)))

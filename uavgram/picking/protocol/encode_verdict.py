@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
 from uavgram.model.message import Correction, Message, Remedy
-from uavgram.model.message_catalogue.lookup import entry_of
+from uavgram.model.message_catalogue import entry_of
 from uavgram.model.naming import format_count
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, WeakestLinks

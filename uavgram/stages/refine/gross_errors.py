@@ -11,11 +11,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, combinations, islice
+from typing import TypeAlias
 
 import numpy as np
 from scipy.special import chdtri
@@ -571,6 +572,10 @@ class Candidate:
         return any(np.abs(block.residual).max(initial=0.0) > GROSS_SIGMAS for block in common)
 
 
+_Search: TypeAlias = Callable[[Participants, Sequence[Candidate]], Iterator[Candidate]]
+"""Function that adjusts robustly from other first values than those of the candidates so far."""
+
+
 def _find_seen_lines(taking: Participants) -> set[int]:
     """Find the lengths that take part and both of whose ends are picked."""
     survey = taking.survey
@@ -597,10 +602,10 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     if found and found[0].is_agreed():
         return found[:1]
     # First values may depend on gross errors: leave out some observations.
-    searches = [_try_without_references, _try_without_photos]
+    searches: list[_Search] = [_try_without_references, _try_without_photos]
     if not found or found[0].doubts_a_photo():
         searches.reverse()
-    last = (try_exchanged_readings, _try_without_two_lengths)
+    last: tuple[_Search, ...] = (try_exchanged_readings, _try_without_two_lengths)
     for search in (_try_without_suspects, *searches, *last):
         best = found[:1]
         for candidate in search(taking, found):

@@ -426,7 +426,7 @@ def _either_mirrored_message(frames: tuple[str, str], _: HypothesisTest | None) 
 
 
 def _disorder_message(
-    diagnosis: Diagnosis, right: dict[int, int], _: HypothesisTest | None
+    diagnosis: Diagnosis, right: Mapping[int, int], _: HypothesisTest | None
 ) -> Message:
     survey = diagnosis.survey
     frame = survey.frame_id[survey.pick_frame[next(iter(right))]]
