@@ -289,6 +289,9 @@ def test_a_value_that_may_as_well_be_zero_is_not_in_order() -> None:
     (message,) = messages
     named = tuple(row.name for row, one in zip(measured.rows[:2], unknown, strict=True) if one)
     assert message.measurements == named  # and no coordinate
+    # Where another solution moves a value, its interval is larger, and has the status instead.
+    rest = judge_unchecked(judged.examined, moved=named)
+    assert "measurement-unknown" not in [one.code for one in rest]
     assert verdict.level == "amber"
     assert [reason.cause for reason in verdict.reasons] == ["measurement-unknown"]
     assert all(one == "not-checked" for one, is_so in zip(status, unknown, strict=False) if is_so)

@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeVar
 
@@ -137,6 +137,7 @@ def judge_survey(
     measured: MeasuredValues,
     frames: Frames,
     check: KnownWorldPoints,
+    moved: Collection[str] = (),
 ) -> Judgement:
     """Judge an adjusted survey by all available information.
 
@@ -150,6 +151,8 @@ def judge_survey(
         Times of the exposures.
     check
         Points that were withheld.
+    moved
+        Names of measurements that other solutions move beyond their intervals.
     """
     significance = inputs.project.solve.significance
     lines, index = inputs.lines, assembled.line_index
@@ -206,7 +209,7 @@ def judge_survey(
             *overall_messages,
             *group_messages,
             *judge_fit(fit, examined.without_suspects),
-            *judge_unchecked(examined),
+            *judge_unchecked(examined, moved),
         ),
     )
 
@@ -283,7 +286,7 @@ def compute(
     sampled, sampled_messages = _run_monte_carlo(
         inputs, posed.frames, adjustment, measured.table, sampling
     )
-    judged = judge_survey(inputs, assembled, refined, values, posed.frames, check)
+    judged = judge_survey(inputs, assembled, refined, values, posed.frames, check, measured.moved)
     shared = summarise_shared(adjustment, posed.frames.clock_offset_s)
     messages = order_messages(
         *inputs.messages,
@@ -453,6 +456,12 @@ class _Measurements(NamedTuple):
     others: tuple[tuple[float, ...], ...]
     messages: tuple[Message, ...]
 
+    @property
+    def moved(self) -> frozenset[str]:
+        """Names of measurements that other solutions move beyond their intervals."""
+        each = zip(self.table.name, self.table.alternative_values, strict=True)
+        return frozenset(name for name, values in each if values)
+
 
 def _measure(
     inputs: Inputs, frames: Frames, refined: Refined, values: MeasuredValues, *, curved: bool
@@ -462,13 +471,16 @@ def _measure(
         stated = propagate(refined.stated, inputs.requests, frames)
         table = replace(table, sigma_stated=stated.sigma)
     curvature: SecondOrder | None = None
+    more: tuple[Message, ...] = ()
     if curved:
         curvature, more = check_second_order(refined.adjustment, values, table, frames)
-        messages += more
     rivals = refined.list_explanations()
     others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one, _ in rivals)
     table = add_alternatives(table, others, [probability for _, probability in rivals])
-    return _Measurements(table, curvature, others[: len(refined.alternatives)], messages)
+    found = _Measurements(table, curvature, others[: len(refined.alternatives)], messages)
+    # Where another solution moves a value, its sigma is not that of the first order.
+    kept = (one for one in more if not found.moved.issuperset(one.measurements))
+    return found._replace(messages=(*messages, *kept))
 
 
 def _run_monte_carlo(

@@ -7,7 +7,7 @@ things, control and checks at its point; a match repeats its source's click and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -57,9 +57,10 @@ def _is_unknown(measured: MeasuredValues) -> Bools:
     return np.asarray(small & np.array(has_size, dtype=np.bool_))
 
 
-def _report_unknown(measured: MeasuredValues) -> Iterator[Message]:
-    """Report undetermined measurements."""
-    rows = np.flatnonzero(_is_unknown(measured)).tolist()
+def _report_unknown(measured: MeasuredValues, moved: Collection[str]) -> Iterator[Message]:
+    """Report undetermined measurements that no other solution moves."""
+    unknown = np.flatnonzero(_is_unknown(measured)).tolist()
+    rows = [i for i in unknown if measured.name[i] not in moved]
     if not rows:
         return
     values = (
@@ -77,14 +78,21 @@ def _report_unknown(measured: MeasuredValues) -> Iterator[Message]:
     yield Message("warning", "measurement-unknown", text, measurements=names)
 
 
-def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
+def judge_unchecked(examined: TestedSurvey, moved: Collection[str] = ()) -> Iterator[Message]:
     """Report unchecked measurements, and the readings that would check them.
 
     One message on those that depend on the camera's assumed direction, one each on those that
     depend on clicks, on stated heights, and on lengths, known things and control points; the worst
     measurement gives the numbers. Another one on undetermined measurements.
+
+    Parameters
+    ----------
+    examined
+        The survey under test.
+    moved
+        Names of measurements that other solutions move beyond their intervals.
     """
-    yield from _report_unknown(examined.measured)
+    yield from _report_unknown(examined.measured, moved)
     for kind in (*OWN_MESSAGE, ""):
         found = {
             i: [one for one in weakest.unseen if _family(one) == kind]
