@@ -221,7 +221,8 @@ def _compare_with_gross_errors(
     """Compare errors of many picks with the gross errors and their causes.
 
     Where all picks of the only photo are wrong, any pose of it is of no use. In place of exchanged
-    control points, their labels may be swapped.
+    control points, their labels may be swapped. Causes that are possible beside gross errors may
+    explain these, too.
 
     Parameters
     ----------
@@ -240,6 +241,13 @@ def _compare_with_gross_errors(
     proposals: tuple[Proposal, ...] = ERRORS_OF_ONLY_PHOTO if is_alone else ()
     if robust.exchanged:
         proposals += (partial(propose_swapped_pair, names=robust.exchanged),)
+    if numbers:
+        again = [one.hypothesis for one in found.possible if one.hypothesis.mend is not None]
+        proposals += (
+            lambda diagnosis: [
+                replace(one, is_of_all=True, moved=(), promise=diagnosis.cost) for one in again
+            ],
+        )
     if not proposals or not (found.causes or found.left_out or numbers or not found.fits):
         return None, found
     left = find_participants(taking.survey, robust.refined)
