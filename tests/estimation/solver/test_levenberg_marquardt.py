@@ -110,19 +110,6 @@ def test_a_step_into_the_impossible_is_refused_and_a_shorter_one_taken() -> None
     assert found.state[0] == pytest.approx(1e-3, rel=1e-6)
 
 
-def test_a_minimum_beyond_the_border_of_possible_states_ends_the_iteration_early() -> None:
-    # The sum of squares falls up to x = 1, where the states become impossible.
-    found = minimise(
-        np.zeros(1),
-        lambda x: None if x[0] >= 1.0 else line(1e3 * (x[0] - 2.0), 1e3),
-        lambda x, step: x + step,
-        1,
-    )
-    assert not found.converged
-    assert found.iterations < 60
-    assert found.state[0] == pytest.approx(1.0, abs=1e-3)
-
-
 def test_impossible_first_values_are_an_error() -> None:
     with pytest.raises(ValueError, match="first values"):
         minimise(np.zeros(1), lambda _: None, lambda x, step: x + step, 1)

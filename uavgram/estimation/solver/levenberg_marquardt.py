@@ -75,11 +75,7 @@ STEP_FRACTIONS = tuple(0.5**k for k in range(8))
 """Fractions of a step along which the minimum is searched where the linear model does not hold."""
 
 MAX_ITERATIONS = 80
-
-MAX_DAMPING = 1e3
-"""Damping, as a share of the diagonal, above which the iteration ends: such steps descend by less
-than a thousandth of the gradient, against the border of possible states. Iterations that converge
-took no step with more than 230."""
+MAX_DAMPING = 1e12
 
 
 @dataclass(frozen=True, eq=False)

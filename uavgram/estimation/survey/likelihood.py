@@ -55,8 +55,6 @@ class SurveyProblem:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
             self.telemetry_mean, self.telemetry_sigma = compute_telemetry_prior(telemetry)
         self.observations = list_observations(self)
-        self._every_label = np.append(np.arange(len(survey.label)), survey.identified)
-        self._placed: tuple[State, tuple[Floats, Floats, Floats]] | None = None
 
     @property
     def pivot_m(self) -> Floats:
@@ -78,19 +76,7 @@ class SurveyProblem:
         d_plane : (n, 3, w)
             By the plane and the relief of its area, the unknowns `plane_columns`.
         """
-        placed = self.place_all(state)
-        axis = state.point.ndim - 2
-        return placed[0].take(label, axis), placed[1].take(label, axis), placed[2].take(label, axis)
-
-    def place_all(self, state: State) -> tuple[Floats, Floats, Floats]:
-        """Compute world coordinates of all labels, then of all picked points, as `world_points`.
-
-        Several kinds of observations ask for them at one state.
-        """
-        if self._placed is None or self._placed[0] is not state:
-            every = np.concatenate([state.point, state.picked], axis=-2)
-            self._placed = state, self.place_points(state, every, self._every_label)
-        return self._placed[1]
+        return self.place_points(state, state.point[..., label, :], label)
 
     def place_points(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
         """Compute world coordinates of points from their own unknowns, as `world_points` of labels.

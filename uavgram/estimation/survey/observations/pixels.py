@@ -149,7 +149,10 @@ class Pixels(Observation):
     def rows(self, state: State) -> Block | None:
         """Predict the pixels; None if a point is not in front, or the ground is seen from below."""
         survey = self.problem.survey
-        world, d_point, d_plane = self.problem.world_points(state, self._point)
+        every = np.concatenate([state.point, state.picked], axis=-2)
+        points, label, of_pick = self._points
+        placed = self.problem.place_points(state, every[..., points, :], label)
+        world, d_point, d_plane = (np.take(one, of_pick, axis=every.ndim - 2) for one in placed)
         to_camera = (state.center[..., survey.pick_frame, :] - world)[..., self._from_above, :]
         # Height of the camera over the tangent plane of the ground at the point.
         slope = d_point[..., self._from_above, 2, :2]
@@ -196,6 +199,12 @@ class Pixels(Observation):
         by_hand = np.isin(found, survey.identified) & ~survey.pick_is_target
         found[by_hand] = len(survey.label) + np.searchsorted(survey.identified, found[by_hand])
         return found
+
+    @cached_property
+    def _points(self) -> tuple[Ints, Ints, Ints]:
+        """Points with picks and their labels, (n,) each; (P,) row of each pick's point in these."""
+        points, first, of_pick = np.unique(self._point, return_index=True, return_inverse=True)
+        return points, self.problem.survey.pick_label[first], of_pick
 
     @cached_property
     def _seen(self) -> Sightings:
