@@ -73,16 +73,19 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(
     assert b"ours" in (tmp_path / "picks-from-page.csv").read_bytes()
 
 
-def test_only_damaged_photos_are_left_out_and_only_those_taken_back(
+def test_photos_of_the_project_are_left_out_and_only_those_taken_back(
     server: Server, project: Path
 ) -> None:
     before = project.read_bytes()
     with Page(server) as page:
-        for fields in ({"names": ["P1.jpg"]}, {"names": ["P1.jpg"], "is_taken_back": True}):
+        for fields in ({"names": ["P9.jpg"]}, {"names": ["P1.jpg"], "is_taken_back": True}):
             refused = ask_project(page, "leave-out", **fields)
-            assert "'P1.jpg' is no such photo" in refused["why"]
+            assert "is no such photo" in refused["why"]
         assert "names must be a list" in ask_project(page, "leave-out", names=[])["why"]
-    assert project.read_bytes() == before
+        assert project.read_bytes() == before
+        # A sound photo, too: a verdict offers it where a photo shows another place.
+        assert ask_project(page, "leave-out", names=["P2.jpg"])["t"] == "done"
+        assert "leave_out: [P2.jpg]" in project.read_text(encoding="utf-8")
 
 
 def test_what_the_page_has_is_saved_before_the_project_is_read_again(

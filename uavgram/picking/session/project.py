@@ -230,8 +230,9 @@ class OpenProject:
 
     async def _leave_out(self, action: c.LeaveOut) -> None:
         inputs, damage = self.picking.survey.inputs, self.picking.survey.damage
-        damaged = {photo.path.name for photo in damage.photos} if damage else set[str]()
-        known = inputs.project.leave_out if action.is_taken_back else damaged
+        there = {photo.path.name for photo in damage.photos} if damage else set[str]()
+        there |= {photo.name for photo in self.picking.photos}
+        known = inputs.project.leave_out if action.is_taken_back else there
         if unknown := [name for name in action.names if name not in known]:
             raise RefusedError(f"{unknown[0]!r} is no such photo: read the project again")
         back = action.is_taken_back

@@ -21,7 +21,6 @@ from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     CONTRADICTING,
     GROSS_ERROR_LOG_ODDS,
-    SURE_LOG_ODDS,
     Diagnosis,
 )
 from uavgram.stages.refine.causes.identification import (
@@ -104,13 +103,18 @@ def adjust_at_stated_noise(
         robust.survey, robust.refined, [*robust.labels, *shown]
     )
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
-    # Take errors common to all readings instead, where they explain more than these causes.
-    of_picks, found = _compare_with_gross_errors(taking, robust, found)
-    common = of_picks or _find_common_errors(taking, robust, found)
+    # Take errors of many picks, or common to all readings, where they explain more than these
+    # causes; mention errors of picks that explain as much.
+    cost = _compute_cost(taking, robust, found)
+    of_picks = _find_errors_of_picks(taking, robust, found)
+    is_of_picks = of_picks is not None and of_picks.is_likelier(cost)
+    common = of_picks if is_of_picks else _find_common_errors(taking, robust, found)
     if common is not None:
-        found = common
-        if _are_all_left_out(given, robust, found):
-            found = found._replace(freed=(None,) * len(found.causes))
+        found, cost = common, common.cost
+    if of_picks is not None and not is_of_picks:
+        found = add_possible(found, of_picks.list_rivals(cost))
+    if common is not None and _are_all_left_out(given, robust, found):
+        found = found._replace(freed=(None,) * len(found.causes))
     # Without the picks that the causes prove wrong, others may fit that were left out.
     sound = _leave_out_wrong_picks(taking, refined, found)
     again = None if sound is taking else _adjust_again(sound)
@@ -125,7 +129,7 @@ def adjust_at_stated_noise(
     causes = (*found.causes, *elsewhere)
     off_ground = list(robust.labels)
     # What wrong picks of the only photo contradict is not at fault.
-    left_out = [] if of_picks else list(robust.messages(given))
+    left_out = [] if is_of_picks else list(robust.messages(given))
     refined = replace(refined, pick_removed=removed)
     if up := find_freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
@@ -205,20 +209,21 @@ def _find_common_errors(
     common = identify_common_errors(diagnosis, COMMON_ERRORS)
     if not common.causes:
         return None
-    cost = _add_price(found.cost, _count_lost(taking, robust.refined) + robust.count_numbers())
-    common_cost = _add_price(common.cost, _count_lost(taking, plain))
-    return common if common_cost + 2.0 * SURE_LOG_ODDS < cost else None
+    price = 2.0 * GROSS_ERROR_LOG_ODDS * _count_lost(taking, plain)
+    common = common._replace(cost=common.cost + price)
+    return common if common.is_likelier(_compute_cost(taking, robust, found)) else None
 
 
-def _add_price(cost: float, numbers: int) -> float:
-    """Add the price of numbers that take no part to a sum of squares with the prices of causes."""
-    return cost + 2.0 * GROSS_ERROR_LOG_ODDS * numbers
+def _compute_cost(taking: Participants, robust: Robust, found: IdentifiedCauses) -> float:
+    """Compute the cost of causes, with the price of all that the robust adjustment left out."""
+    numbers = robust.count_numbers() + _count_lost(taking, robust.refined)
+    return found.cost + 2.0 * GROSS_ERROR_LOG_ODDS * numbers
 
 
-def _compare_with_gross_errors(
+def _find_errors_of_picks(
     taking: Participants, robust: Robust, found: IdentifiedCauses
-) -> tuple[IdentifiedCauses | None, IdentifiedCauses]:
-    """Compare errors of many picks with the gross errors and their causes.
+) -> IdentifiedCauses | None:
+    """Find errors of many picks that may explain what was left out; None where nothing was.
 
     Where all picks of the only photo are wrong, any pose of it is of no use. In place of exchanged
     control points, their labels may be swapped. Causes that are possible beside gross errors may
@@ -230,11 +235,6 @@ def _compare_with_gross_errors(
         All participating observations.
     robust, found
         Their robust adjustment, and its causes.
-
-    Returns
-    -------
-    The errors of picks where they are likelier, else None; and the causes, with those errors that
-    are about as likely.
     """
     numbers = robust.count_numbers() + _count_lost(taking, robust.refined)
     is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
@@ -249,21 +249,12 @@ def _compare_with_gross_errors(
             ],
         )
     if not proposals or not (found.causes or found.left_out or numbers or not found.fits):
-        return None, found
+        return None
     left = find_participants(taking.survey, robust.refined)
     diagnosis = Diagnosis(
         replace(left, known_removed=taking.known_removed), robust.refined, robust.count_numbers()
     )
-    of_picks = identify_common_errors(diagnosis, proposals)
-    if not of_picks.causes:
-        return None, add_possible(found, of_picks.possible)
-    difference = _add_price(found.cost, numbers) - of_picks.cost
-    if difference > 2.0 * SURE_LOG_ODDS:
-        return of_picks, found
-    if difference > -2.0 * SURE_LOG_ODDS:
-        judged = [replace(one, odds=difference / 2.0) for one in of_picks.judged]
-        found = add_possible(found, judged)
-    return None, found
+    return identify_common_errors(diagnosis, proposals)
 
 
 def _count_lost(taking: Participants, refined: Refined) -> int:

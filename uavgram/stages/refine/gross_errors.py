@@ -96,6 +96,9 @@ MOST_STARTS = 12
 """Largest number of lengths, or photos, that are left out of the first values in turn; with more of
 them the search is skipped."""
 
+MOST_EXCHANGES = 28
+"""Largest number of pairs of control points that are tried as exchanged: of eight points."""
+
 MOST_IN_PAIRS = 7
 """Largest number of lengths that are left out in pairs, without a log."""
 
@@ -901,7 +904,7 @@ def _list_control_to_exchange(
         for pair in combinations(range(number), 2)
         if np.isin(pair, wrong).sum() >= max(least, int(is_shown))
     ]
-    if len(pairs) <= MOST_STARTS and number + int(is_logged) >= LEAST_AGREEING_CONTROL:
+    if len(pairs) <= MOST_EXCHANGES and number + int(is_logged) >= LEAST_AGREEING_CONTROL:
         yield from pairs
 
 

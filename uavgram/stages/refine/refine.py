@@ -129,7 +129,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
-    mirrored = find_mirrored_solution(refined.adjustment)
+    named = {cause.message.code for cause in begun.causes}
+    mirrored = None if "photos-mirrored" in named else find_mirrored_solution(refined.adjustment)
     if mirrored is not None:
         mirrored_explanation = explain(refined.adjustment, mirrored, -PRIOR_LOG_ODDS)
         refined = replace(refined, explanations=(*refined.explanations, (mirrored_explanation,)))

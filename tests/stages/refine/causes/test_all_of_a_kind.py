@@ -75,7 +75,9 @@ def test_control_points_that_are_all_shifted_are_named_with_their_shift(seed: in
 def test_photos_that_were_all_mirrored_are_named_where_the_log_shows_it() -> None:
     survey = make_scene(4, frames=6, labels=14).survey
     wrong = messages_of(mirrored(survey))
-    assert "photos-mirrored" in [m.code for m in wrong]
+    named = [m.code for m in wrong]
+    assert "photos-mirrored" in named
+    assert "mirrored-undecided" not in named  # it would say the opposite
     assert "photos-mirrored" not in codes_of(survey)
     assert "mirrored-undecided" not in codes_of(survey)
 

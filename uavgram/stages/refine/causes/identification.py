@@ -171,6 +171,19 @@ class IdentifiedCauses(NamedTuple):
     left_out: int = 0
     judged: tuple[JudgedHypothesis, ...] = ()
 
+    def is_likelier(self, cost: float) -> bool:
+        """Return whether there are causes, with odds of 20 to 1 against another explanation."""
+        return bool(self.causes) and self.cost + 2.0 * SURE_LOG_ODDS < cost
+
+    def list_rivals(self, cost: float) -> tuple[JudgedHypothesis, ...]:
+        """List the causes that are about as likely as another explanation of such a cost."""
+        if not self.causes:
+            return self.possible
+        difference = cost - self.cost
+        if difference < -2.0 * SURE_LOG_ODDS:
+            return ()
+        return tuple(replace(one, odds=difference / 2.0) for one in self.judged)
+
 
 def identify_common_errors(
     diagnosis: Diagnosis, hypotheses: Sequence[Proposal]
