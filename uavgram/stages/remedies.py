@@ -16,6 +16,7 @@ from uavgram.model.message import (
     Remedy,
     propose_free_heights,
     propose_length_removal,
+    propose_photo_removal,
     propose_pick_removal,
     propose_swap,
 )
@@ -38,8 +39,12 @@ def add_remedies(
         Corrections of the cause, and of its alternatives; None where only a person can correct it.
     """
     found = read_first([None if one is None else make_remedy(survey, one) for one in mends])
-    rivals = tuple(one for one in found[1:] if one is not None)
-    return replace(message, mend=found[0] if found else None, instead=rivals)
+    rivals = [one for one in found[1:] if one is not None]
+    # Where the photo itself was mirrored or turned, its picks are where they belong in it.
+    turned = {pick for one in mends if one is not None for pick in one.pixel_of_pick}
+    frames = dict.fromkeys(_pick(survey, pick)[0] for pick in sorted(turned))
+    rivals += [propose_photo_removal(frame) for frame in frames]
+    return replace(message, mend=found[0] if found else None, instead=tuple(rivals))
 
 
 def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:

@@ -138,7 +138,12 @@ def test_of_two_photos_without_a_log_nothing_shows_which_one_was_mirrored(
     assert "nothing shows which" in message.text
     assert message.mend is not None
     offered = [one.words for one in (message.mend, *message.instead)]
-    assert sorted(offered) == ["Put the picks of f0 back", "Put the picks of f1 back"]
+    assert sorted(offered) == [
+        "Leave f0 out",  # where the photo itself was mirrored, its picks are right in it
+        "Leave f1 out",
+        "Put the picks of f0 back",
+        "Put the picks of f1 back",
+    ]
     assert not any("the log" in one.text for one in messages)
 
 
