@@ -18,6 +18,7 @@ from html_page import Page
 from numbers_told import agree
 
 from uavgram.io.results.results_json import write_results
+from uavgram.model.arrays import rows_of
 from uavgram.model.observations import Source
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.result import Picture, Pictures, Result
@@ -264,6 +265,19 @@ def test_every_mark_of_a_picture_is_named_once_and_no_name_covers_another() -> N
                 up = 10.0 * unit * tag.size
                 assert abs(tag.x - other.x) >= aside or abs(tag.y - other.y) >= up
     assert several
+
+
+def test_a_point_that_was_clicked_again_has_one_name() -> None:
+    made = result()
+    every = np.append(np.arange(len(made.picks.label)), np.arange(len(made.picks.label)))
+    picks = made.picks
+    twice = rows_of(picks, every) | {"label": picks.label * 2, "status": picks.status * 2}
+    again = replace(made, picks=replace(picks, **twice))
+    repeated = gallery(again, pictures())
+    assert repeated is not None
+    for one, once in zip(repeated.overview, shown().overview, strict=True):
+        names = sorted(tag.text for tag in one.drawing.texts)
+        assert names == sorted(tag.text for tag in once.drawing.texts)
 
 
 def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() -> None:

@@ -408,10 +408,14 @@ def _name_points(
     picks, own = result.picks, _subject_labels(result, region)
     half = HALF_MIDDLE * drawing.unit
     drawing.reserve([box(picks.pixel_px[i], half, half) for i in rows])
+    # A point that was clicked again has one name, and a wrong click its own.
+    first: dict[tuple[str, bool], int] = {}
+    for i in rows:
+        if picks.label[i] in own or _is_wrong(result, i):
+            first.setdefault((picks.label[i], _is_wrong(result, i)), i)
     named = [
         TextRequest(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
-        for i in rows
-        if picks.label[i] in own or _is_wrong(result, i)
+        for i in first.values()
     ]
     used = {picks.label[i] for i in rows if picks.status[i] != "removed"}
     spots, labels = drawn.places[region.frame], result.points.label
