@@ -245,6 +245,15 @@ def test_a_table_that_is_gone_is_written_again_from_the_journal(
     last.tables.close()
 
 
+def test_a_table_that_is_missing_without_a_journal_is_named(project: Path, tmp_path: Path) -> None:
+    (tmp_path / "lines.csv").rename(tmp_path / "lines.csv.bak")
+    work = Working(project)
+    (message,) = work.tables.messages
+    assert message.code == "table-missing"
+    assert message.text.startswith("lines.csv, which the project names, is not there")
+    work.tables.close()
+
+
 @pytest.mark.parametrize("tables_written", range(4))
 def test_a_kill_between_two_tables_loses_and_doubles_nothing(
     project: Path, monkeypatch: pytest.MonkeyPatch, tables_written: int

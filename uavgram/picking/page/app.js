@@ -159,8 +159,8 @@ class App {
     if (!this.panes.all.length) this.resume();
     else for (const pane of this.panes.all) pane.show(pane.image);
     this.sayWhatIsGone();
-    const recovered = store.recovered && store.opening.find(({ code }) => code === "pick-recovered");
-    if (recovered) this.notice.show(recovered.text, true);
+    const begins = store.opening.find(({ code }) => code === "table-missing" || (store.recovered && code === "pick-recovered"));
+    if (begins) this.notice.show(begins.text, true);
     this.tools.suggest();
     byId("panes").dataset.ready = "true";
   }

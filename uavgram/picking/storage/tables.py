@@ -88,12 +88,28 @@ class Tables:
             check_own(output / JOURNAL)
             self.recovered = self._lost(output / JOURNAL, frozenset(inputs.photos.frame_id))
             resumed = self.recovered is not None
+            if not resumed:
+                self.messages += self._report_missing()
             self._journal = Journal(output / JOURNAL, fresh=not resumed)
             self._journal.open(self._files, _digests(self._original), resumed=resumed)
             self._pending = resumed
         except BaseException:
             self._lock.release()
             raise
+
+    def _report_missing(self) -> tuple[Message, ...]:
+        """Report tables that the project names, and that are not there: `run` refuses these."""
+        missing = [role for role in ROLES if self._named[role] and self._on_disk[role] is None]
+        if not missing:
+            return ()
+        names = join_names(self._paths[role].name for role in missing)
+        one = len(missing) == 1
+        text = (
+            f"{names}, which the project names, {'is' if one else 'are'} not there, and "
+            f"{'begins' if one else 'begin'} empty here. If {'it' if one else 'they'} held "
+            "something, close this page and put the file back under its name."
+        )
+        return (Message("warning", "table-missing", text),)
 
     def record(self, command: c.Command, step: int) -> None:
         """Store a command that was applied, before it is confirmed."""
