@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -226,8 +226,9 @@ def _find_errors_of_picks(
     """Find errors of many picks that may explain what was left out; None where nothing was.
 
     Where all picks of the only photo are wrong, any pose of it is of no use. In place of exchanged
-    control points, their labels may be swapped. Causes that are possible beside gross errors may
-    explain these, too.
+    control points, their labels may be swapped; and the label of a left-out control point with that
+    of the point at its coordinates. Causes that are possible beside gross errors may explain these,
+    too.
 
     Parameters
     ----------
@@ -241,6 +242,8 @@ def _find_errors_of_picks(
     proposals: tuple[Proposal, ...] = ERRORS_OF_ONLY_PHOTO if is_alone else ()
     if robust.exchanged:
         proposals += (partial(propose_swapped_pair, names=robust.exchanged),)
+    for names in _list_labels_at_control(taking.survey, robust):
+        proposals += (partial(propose_swapped_pair, names=names),)
     if numbers:
         again = [one.hypothesis for one in found.possible if one.hypothesis.mend is not None]
         proposals += (
@@ -255,6 +258,16 @@ def _find_errors_of_picks(
         replace(left, known_removed=taking.known_removed), robust.refined, robust.count_numbers()
     )
     return identify_common_errors(diagnosis, proposals)
+
+
+def _list_labels_at_control(survey: Survey, robust: Robust) -> Iterator[tuple[str, str]]:
+    """List each left-out control point, and the label that was found nearest to its coordinates."""
+    adjustment = robust.refined.adjustment
+    place, labels = adjustment.points()[0], np.array(adjustment.survey.label)
+    for row in robust.control.tolist():
+        name = survey.label[survey.control_label[row]]
+        apart = np.linalg.norm(place[:, :2] - survey.control_world_m[row, :2], axis=1)
+        yield name, str(labels[np.where(labels == name, np.inf, apart).argmin()])
 
 
 def _count_lost(taking: Participants, refined: Refined) -> int:

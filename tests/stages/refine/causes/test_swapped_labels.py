@@ -8,9 +8,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from scenes import Scene
+from scenes import Scene, make_scene
 
+from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
+from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes
 from uavgram.stages.refine.causes.swapped_labels import (
@@ -97,3 +99,16 @@ def test_a_homography_fits_where_opencv_finds_one() -> None:
     away = cv2.perspectiveTransform(x[order][None], matrix)[0] - y
     assert exchanged > 1e-4
     assert np.abs(away).max() > 0.05
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+def test_the_label_of_a_control_point_swapped_with_one_at_its_coordinates_is_named(
+    *, telemetry: bool
+) -> None:
+    """The control point is left out; but what is measured at either label is wrong, too."""
+    survey = make_scene(7, frames=5, labels=12, control=5, lines=2, telemetry=telemetry).survey
+    swapped = {0: 9, 9: 0}  # 0 is a control point
+    label = np.array([swapped.get(k, k) for k in survey.pick_label.tolist()])
+    _, messages = refine(replace(survey, pick_label=label), SolveOptions(noise="stated"))
+    assert messages[0].code == "labels-swapped-everywhere"
+    assert set(messages[0].labels) == {survey.label[0], survey.label[9]}
