@@ -128,8 +128,8 @@ def adjust_at_stated_noise(
     )
     causes = (*found.causes, *elsewhere)
     off_ground = list(robust.labels)
-    # What wrong picks of the only photo contradict is not at fault.
-    left_out = [] if is_of_picks else list(robust.messages(given))
+    # What wrong picks contradict is not at fault.
+    left_out = [] if is_of_picks and again is None else list(robust.messages(given))
     refined = replace(refined, pick_removed=removed)
     if up := find_freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
