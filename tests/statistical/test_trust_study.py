@@ -305,9 +305,10 @@ def test_swapped_labels_of_control_points_are_named_beside_exchanged_coordinates
     first = row["reasons"][0]
     assert (first["cause"], set(first["labels"])) == ("control-exchanged", {one, other})
     assert "are swapped in the photo, and nothing shows which" in first["text"]
+    # The swap is in the sigmas of what it may spoil.
     wrong = {v["name"]: v["status"] for v in row["values"] if abs(zs({"values": [v]})[0]) > 3.5}
-    assert wrong
-    assert set(wrong.values()) <= {"doubtful"}
+    assert wrong == {}
+    assert "doubtful" in {v["status"] for v in row["values"]}
 
 
 @pytest.mark.parametrize("seed", [5, 8])
