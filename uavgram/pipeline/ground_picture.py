@@ -9,10 +9,10 @@ import numpy as np
 from uavgram.geometry.ground.top_view import View
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.brightness import PhotoCache, create_photo_cache
-from uavgram.imaging.top_view.warp import Window, render_windows
+from uavgram.imaging.top_view.warp import Window, warp_window
 from uavgram.io.exports.geotiff import WINDOW_PX
 from uavgram.io.files import photo_files
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps import GroundRaster
 from uavgram.pipeline.parallel import prefetch
 from uavgram.stages.products.top_view import boxes, reductions
@@ -52,11 +52,18 @@ def warp_windows(
     photos
         By index of the view; by default unchanged.
     """
-    cache = select_photos(view, raster) if photos is None else photos
     reach = boxes(view, raster)
-    windows = render_windows(view, raster, reach, cache.get, WINDOW_PX)
-    for (window, _), pixels in prefetch(lambda one: one[1](), windows):
-        yield window, pixels
+    cache = select_photos(view, raster) if photos is None else photos
+
+    def warp(window: Window) -> Pixels:
+        return warp_window(view, raster, window, _select_in_window(reach, window), cache)
+
+    windows = [
+        (column, row, min(WINDOW_PX, raster.width - column), min(WINDOW_PX, raster.height - row))
+        for row in range(0, raster.height, WINDOW_PX)
+        for column in range(0, raster.width, WINDOW_PX)
+    ]
+    yield from prefetch(warp, windows)
 
 
 def render_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixels:
@@ -75,3 +82,16 @@ def render_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixe
     for (column, row, width, height), pixels in warp_windows(view, raster, photos):
         out[row : row + height, column : column + width] = pixels
     return out
+
+
+def _select_in_window(reach: Floats, window: Window) -> Ints:
+    """Return photos that may show part of a window."""
+    column, row, width, height = window
+    with np.errstate(invalid="ignore"):
+        touches = (
+            (reach[:, 0] <= column + width)
+            & (reach[:, 2] >= column)
+            & (reach[:, 1] <= row + height)
+            & (reach[:, 3] >= row)
+        )
+    return np.flatnonzero(touches)

@@ -13,6 +13,7 @@ from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
 from uavgram.imaging.top_view.brightness import DENSE_PHOTOS, Light, estimate_gains
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
+from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, choose_frames, find_boxes_below
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 
@@ -87,7 +88,7 @@ def test_the_mosaic_shows_the_ground_where_it_is(
 
 
 def test_each_spot_comes_from_the_frame_most_above_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mosaic, "estimate_exposure_gains", lambda view, *_: np.ones(len(view.rows)))
+    monkeypatch.setattr(mosaic, "estimate_gains", lambda _, count: np.ones(count))
     result = synthetic_survey.build(clean=True)
     texture = ground_texture(result, previews(result, paint=lambda i: (12 * i, 60, 60)))
     at = spots(texture)[8::16, 8::16]
@@ -105,12 +106,7 @@ def test_each_spot_comes_from_the_frame_most_above_it(monkeypatch: pytest.Monkey
 
 def test_frames_fade_into_each_other_at_seams() -> None:
     result = synthetic_survey.build(clean=True)
-    made = Mosaic(result, result.frames.frame_id, SCALE / 2)
-    shape = 2 * SHAPE[0], 2 * SHAPE[1], 3
-    for i, name in enumerate(result.frames.frame_id):
-        made.add(name, np.full(shape, 200 * (i % 2), np.uint8))
-    texture = made.texture()
-    assert texture is not None
+    texture = ground_texture(result, previews(result, paint=lambda i: (200 * (i % 2),) * 3))
     red, covered = texture.rgb[..., 0].astype(int), texture.covered
     step = np.abs(np.diff(red, axis=1))[covered[:, 1:] & covered[:, :-1]]
 
@@ -153,7 +149,7 @@ def test_a_sloping_plane_is_met_at_its_slope(result: Result) -> None:
 def test_the_mosaic_stays_within_its_size(result: Result, photos: dict[str, Preview]) -> None:
     texture = ground_texture(result, photos, 200)
 
-    assert max(texture.covered.shape) <= 200
+    assert max(texture.covered.shape) <= 200 + mosaic.CELL_PX
 
 
 def test_without_photos_or_refined_frames_there_is_no_mosaic(
@@ -165,6 +161,52 @@ def test_without_photos_or_refined_frames_there_is_no_mosaic(
 
     assert texture_of(result, {}) is None
     assert texture_of(unposed, photos) is None
+
+
+def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some() -> None:
+    result = synthetic_survey.build(clean=True)
+    poses = result.frames.refined
+    cameras = Cameras(poses.center_world_m, poses.world_from_camera, result.frames.sweep)
+    grid = Grid(result, -60.0, 50.0, 0.15, 64, (10, 12))
+    choice = choose_frames(grid, cameras)
+    row, column = np.meshgrid(np.arange(11.0) * 64, np.arange(13.0) * 64, indexing="ij")
+    world = grid.world(column, row)
+    seen = np.array(
+        [
+            np.isfinite(grid.pixels_in(cameras, f, world)[..., 0])
+            for f in range(len(poses.center_world_m))
+        ]
+    )
+    whole = seen[:, :-1, :-1] & seen[:, 1:, :-1] & seen[:, :-1, 1:] & seen[:, 1:, 1:]
+    i, j = np.nonzero(whole.any(axis=0))
+
+    assert len(i) > 20
+    assert whole[choice[i, j], i, j].all()
+    # what only a part of some photo shows is shown too
+    assert ((choice >= 0) & ~whole.any(axis=0)).any()
+
+
+def test_of_a_large_survey_each_cell_is_looked_at_by_the_frames_about_it_only() -> None:
+    result = synthetic_survey.build(clean=True)
+    poses = result.frames.refined
+    forward = np.array([[1.0, 0, 0], [0, 0.6, 0.8], [0, -0.8, 0.6]])  # by 53 degrees: to the limit
+    turned = poses.world_from_camera @ forward
+    everywhere = Cameras(poses.center_world_m, turned, result.frames.sweep)
+    for grid in (
+        Grid(result, -60.0, 50.0, 0.15, 64, (10, 12)),
+        Grid(result, -600.0, 500.0, 0.15, 64, (100, 120)),
+    ):
+        edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
+        row, column = np.meshgrid(*edges, indexing="ij")
+        world = grid.world(column, row)
+        boxes = find_boxes_below(grid, everywhere)
+        for frame, box in enumerate(boxes):
+            seen = np.isfinite(grid.pixels_in(everywhere, frame, world)[..., 0])
+            within = np.zeros_like(seen)
+            within[box.top : box.bottom + 1, box.left : box.right + 1] = True
+            assert seen.any()
+            assert not (seen & ~within).any()
+    assert sum((b.bottom - b.top) * (b.right - b.left) for b in boxes) < 0.2 * 12_000 * len(boxes)
 
 
 def test_photos_that_show_nothing_together_keep_their_brightness() -> None:
@@ -203,17 +245,7 @@ def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker() -> None:
     assert texture.rgb[texture.covered].mean() == pytest.approx(127.5, abs=5)
 
 
-def test_photos_beyond_the_memory_leave_the_others(
-    result: Result, photos: dict[str, Preview], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = ground_texture(result, photos)
-    monkeypatch.setattr(mosaic, "MOST_BYTES", whole.rgb.nbytes)
-    some = ground_texture(result, photos)
-
-    assert 0.3 < some.covered.sum() / whole.covered.sum() < 0.95
-
-
-def test_of_hundreds_of_frames_some_suffice(photos: dict[str, Preview]) -> None:
+def test_hundreds_of_frames_choose_in_coarser_cells(photos: dict[str, Preview]) -> None:
     texture = ground_texture(synthetic_survey.build(frame_count=500), photos)
 
     assert texture.covered.any()
@@ -227,3 +259,30 @@ def test_dark_ground_is_brightened_to_be_seen_and_says_so(grey: int, shown: int)
 
     assert texture.tone.is_identity == (grey == shown)
     assert np.abs(texture.rgb[texture.covered].astype(float) - shown).max() <= 10
+
+
+@pytest.mark.parametrize("cell", [16, 64, 256])
+def test_pixels_of_cells_are_those_of_each_place(result: Result, cell: int) -> None:
+    rows = np.flatnonzero(result.has_refined)[:1]
+    poses = result.frames.refined
+    sweep = np.array([[0.3, -0.2, 0.1, 0.004, -0.006, 0.003]])  # its rows are read one by one
+    cameras = Cameras(poses.center_world_m[rows], poses.world_from_camera[rows], sweep)
+    east, north = cameras.center_m[0, :2]
+    grid = Grid(result, float(east) - 30.0, float(north) + 30.0, 0.05, cell, (1200 // cell,) * 2)
+    everywhere = Box(0, grid.shape[0], 0, grid.shape[1])
+    some = Box(1, grid.shape[0], 1, grid.shape[1] - 1)
+    seen = grid.places_about(cameras, 0, everywhere)
+
+    found = [grid.pixels_at(cameras, seen, box) for box in (everywhere, some)]
+
+    row, column = (np.arange(count * cell) + 0.5 for count in grid.shape)
+    world = grid.world(*np.meshgrid(column, row))
+    exact, anywhere = grid.pixels_in(cameras, 0, world), grid._project_points(cameras, 0, world)
+    last = [result.camera.width_px - 1, result.camera.height_px - 1]
+    at_edge = np.minimum(np.abs(anywhere), np.abs(anywhere - last)).min(axis=-1) < 0.02
+    assert 0.1 < np.isfinite(exact).mean() < 0.9
+    for box, (u, v) in zip((everywhere, some), found, strict=True):
+        part = box.pixels(cell)
+        shows = np.isfinite(u)
+        assert (at_edge[part] | (shows == np.isfinite(exact[part][..., 0]))).all()
+        np.testing.assert_allclose(np.stack([u, v], -1)[shows], anywhere[part][shows], atol=0.02)

@@ -77,7 +77,7 @@ def whole(view: View, raster: GroundRaster, photos: PhotoCache | None = None) ->
     for row in range(0, raster.height, 200):
         for column in range(0, raster.width, 230):
             w, h = min(230, raster.width - column), min(200, raster.height - row)
-            got = warp_window(view, raster, (column, row, w, h), everyone, photos.get)
+            got = warp_window(view, raster, (column, row, w, h), everyone, photos)
             out[row : row + h, column : column + w] = got
     return out
 
@@ -269,7 +269,7 @@ def test_a_mosaic_shows_all_that_any_of_its_photos_shows(
     raster = lay_raster(both, 0.4 if tilt > 50 else 0.1)
     photos = cache(both)
     window = (0, 0, raster.width, raster.height)
-    alone = np.stack([warp_window(both, raster, window, np.array([k]), photos.get) for k in (0, 1)])
+    alone = np.stack([warp_window(both, raster, window, np.array([k]), photos) for k in (0, 1)])
 
     together = whole(both, raster, photos)
 
@@ -283,7 +283,7 @@ def test_windows_join_without_a_trace(tmp_path: Path) -> None:
     raster = lay_raster(view, 0.05)
     photos = cache(view)
     size = raster.width, raster.height
-    one = warp_window(view, raster, (0, 0, *size), np.arange(2), photos.get)
+    one = warp_window(view, raster, (0, 0, *size), np.arange(2), photos)
 
     many = whole(view, raster, photos)
 
@@ -386,8 +386,8 @@ def test_nothing_is_decoded_for_a_window_without_a_photo(tmp_path: Path) -> None
     raster = lay_raster(view, 0.1)
     far = replace(raster, west_m=raster.west_m + 500)
 
-    got = warp_window(view, far, (0, 0, 50, 40), np.array([0]), cache(view).get)
+    got = warp_window(view, far, (0, 0, 50, 40), np.array([0]), cache(view))
 
     assert got.shape == (40, 50, 4)
     assert not got.any()
-    assert not warp_window(view, far, (0, 0, 9, 9), np.array([], int), cache(view).get).any()
+    assert not warp_window(view, far, (0, 0, 9, 9), np.array([], int), cache(view)).any()

@@ -60,10 +60,12 @@ class View:
         return self.result.world.origin
 
     @property
-    def heights_m(self) -> Floats:
-        """(N,) heights of the cameras above the plane."""
+    def least_height_m(self) -> float:
+        """Height of the lowest camera above the plane."""
         center = self.result.frames.refined.center_world_m[self.rows]
-        return np.abs(center[:, 2] - self.result.plane.height_at(center[:, :2]))
+        surface = self.surface
+        below = surface[0] + (center[:, :2] - self.result.plane.pivot_m) @ surface[1:]
+        return float(np.abs(center[:, 2] - below).min())
 
     def ground(self, raster: GroundRaster, columns: Floats, rows: Floats) -> Floats:
         """Compute world positions of the raster's pixels on the plane.
@@ -129,34 +131,6 @@ class View:
         inside = (u_px >= -0.5) & (u_px <= camera.width_px - 0.5)  # NaN compares False
         inside &= (v_px >= -0.5) & (v_px <= camera.height_px - 0.5)
         return np.asarray(inside & (off_nadir < MAX_OFF_NADIR))
-
-    def find_shown(self, index: int, world_m: Floats) -> tuple[Ints, Floats, Floats]:
-        """Find the places that a photo shows.
-
-        Only places near enough to the camera are projected: in a large survey they are few.
-
-        Parameters
-        ----------
-        index
-            Index into `rows`.
-        world_m
-            (n, 3) on the plane.
-
-        Returns
-        -------
-        place : (m,)
-            Indices into `world_m`.
-        pixel : (m, 2)
-            In the photo.
-        off_nadir : (m,)
-            Tangent of the angle from the vertical.
-        """
-        from_center = world_m - self.result.frames.refined.center_world_m[self.rows[index]]
-        flat = np.abs(from_center[:, :2]).max(axis=1)
-        place = np.flatnonzero(flat < -from_center[:, 2] * MAX_OFF_NADIR)
-        pixel, off_nadir = self.look(index, world_m[place])
-        shown = self.shows(pixel[:, 0], pixel[:, 1], off_nadir)
-        return place[shown], pixel[shown], off_nadir[shown]
 
 
 @dataclass(frozen=True, eq=False)

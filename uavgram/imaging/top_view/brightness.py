@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -54,16 +53,6 @@ class Photo(NamedTuple):
         # a constant border is OpenCV's fastest mode; the border is never reached
         return np.asarray(cv2.remap(self.rgba, u, v, cv2.INTER_LINEAR), np.uint8)
 
-    def lighten(self, gain: float) -> Photo:
-        """Multiply red, green and blue by a gain."""
-        table = np.clip(np.arange(256.0) * gain + 0.5, 0, 255).astype(np.uint8)
-        rgba = np.asarray(cv2.LUT(self.rgba, table), np.uint8)
-        rgba[..., 3] = self.rgba[..., 3]
-        return self._replace(rgba=rgba)
-
-
-Photos = Callable[[int], Photo]
-"""Photo of an index of the view."""
 
 PhotoCache = LruCache[int, Photo]
 """Photos by index, decoded once while they are kept; for several threads."""
@@ -91,9 +80,25 @@ def create_photo_cache(
 
     def read(k: int) -> Photo:
         photo = read_photo(paths[k], reductions[k])
-        return photo if gains is None else photo.lighten(gains[k])
+        return photo if gains is None else photo._replace(rgba=apply_gain(photo.rgba, gains[k]))
 
     return LruCache(read, lambda photo: photo.rgba.nbytes, most_bytes)
+
+
+def apply_gain(rgba: Pixels, gain: float) -> Pixels:
+    """Multiply red, green and blue of (H, W, 4) by a gain.
+
+    Parameters
+    ----------
+    rgba
+        RGB and opacity.
+    gain
+        Factor of the colours.
+    """
+    table = np.clip(np.arange(256.0) * gain + 0.5, 0, 255).astype(np.uint8)
+    opacity = np.arange(256, dtype=np.uint8)
+    tables = np.stack([table, table, table, opacity], axis=-1)[None]
+    return np.asarray(cv2.LUT(rgba, tables), np.uint8)
 
 
 def read_photo(path: str, reduction: int = 1) -> Photo:
@@ -107,29 +112,12 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
     pixels, quick = read_reduced(path, lambda _: min(reduction, MAX_FAST_REDUCTION))
     height, width = pixels.shape[:2]
     # libjpeg's last column may cover a partial block: its pixels have the full width all the same
-    return create_photo(pixels, (float(width * quick), float(height * quick)), reduction)
-
-
-def create_photo(bgr: Pixels, covered_px: tuple[float, float], reduction: float) -> Photo:
-    """Reduce a decoded photo further, so that so many original pixels become one.
-
-    Parameters
-    ----------
-    bgr
-        (H, W, 3) pixels.
-    covered_px
-        Original pixels that they cover, along u and v.
-    reduction
-        Original pixels per pixel of the result; the photo is never enlarged.
-    """
-    height, width = bgr.shape[:2]
-    shape = tuple(
-        min(size, math.ceil(covered / reduction))
-        for size, covered in zip((width, height), covered_px, strict=True)
-    )
-    if shape != (width, height):
-        bgr = np.asarray(cv2.resize(bgr, shape, interpolation=cv2.INTER_AREA), np.uint8)
-    return Photo(_add_margin(bgr), (covered_px[0] / shape[0], covered_px[1] / shape[1]))
+    scale = float(quick), float(quick)
+    if reduction > quick:
+        shape = -(-width * quick // reduction), -(-height * quick // reduction)
+        scale = width * quick / shape[0], height * quick / shape[1]
+        pixels = np.asarray(cv2.resize(pixels, shape, interpolation=cv2.INTER_AREA), np.uint8)
+    return Photo(_add_margin(pixels), scale)
 
 
 def _add_margin(bgr: Pixels) -> Pixels:
@@ -226,28 +214,11 @@ def _overlapping(places: list[Ints]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]]
 
 
-NODES = 96
+LIGHT_NODES = 96
 """Number of nodes along the longer side of the ground at which photos are compared."""
 
 
-def lay_nodes(view: View, raster: GroundRaster) -> tuple[GroundRaster, Floats]:
-    """Lay a coarse raster over the ground; return it and its world positions (height * width, 3).
-
-    Parameters
-    ----------
-    view
-        Photos.
-    raster
-        Ground to be shown.
-    """
-    coarse = raster.coarser(max(max(raster.width, raster.height) // NODES, 1))
-    world = view.ground(coarse, np.arange(float(coarse.width)), np.arange(float(coarse.height)))
-    return coarse, world.reshape(-1, 3)
-
-
-def estimate_exposure_gains(
-    view: View, raster: GroundRaster, photos: Photos, shown: Iterable[int]
-) -> Floats:
+def estimate_exposure_gains(view: View, raster: GroundRaster, photos: PhotoCache) -> Floats:
     """Compute brightness factors (N,) that make photos agree where they show the same ground.
 
     Parameters
@@ -258,14 +229,19 @@ def estimate_exposure_gains(
         Ground to be shown.
     photos
         Photos by index of the view; small ones suffice.
-    shown
-        Indices of the photos to compare; the factor of others is 1.
     """
-    _, world = lay_nodes(view, raster)
-    seen = {}
-    for index in shown:
-        place, pixel, _ = view.find_shown(index, world)
-        if len(place):
-            u, v = pixel.astype(np.float32).T[..., None]
-            seen[index] = select_light(place, photos(index).sample(u, v)[:, 0, :3])
+    coarse = raster.coarser(max(max(raster.width, raster.height) // LIGHT_NODES, 1))
+    world = view.ground(coarse, np.arange(float(coarse.width)), np.arange(float(coarse.height)))
+    seen = {k: light for k in range(len(view.rows)) if (light := _light(view, k, world, photos))}
     return estimate_gains(seen, len(view.rows))
+
+
+def _light(view: View, index: int, world: Floats, photos: PhotoCache) -> Light | None:
+    """Sample a photo's brightness at the nodes; None where it shows none of them."""
+    pixel, off_nadir = view.look(index, world)
+    shown = view.shows(pixel[..., 0], pixel[..., 1], off_nadir)
+    if not shown.any():
+        return None
+    at = np.flatnonzero(shown)
+    u, v = (pixel[..., k].reshape(-1)[at].astype(np.float32)[:, None] for k in range(2))
+    return select_light(at, photos.get(index).sample(u, v)[:, 0, :3])

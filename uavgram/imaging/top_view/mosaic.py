@@ -3,39 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from uavgram.geometry.ground.top_view import View
-from uavgram.imaging.photos.decoding import shrink
+from uavgram.imaging.photos.decoding import halve, shrink
 from uavgram.imaging.photos.preview import IDENTITY_TONE, Pixels, Tone, apply_tone, choose_tone
-from uavgram.imaging.top_view.brightness import (
-    Photo,
-    create_photo,
-    estimate_exposure_gains,
-    lay_nodes,
+from uavgram.imaging.top_view.brightness import Light, estimate_gains, select_light
+from uavgram.imaging.top_view.mosaic_grid import (
+    Cameras,
+    Grid,
+    Singles,
+    Values,
+    choose_frames,
+    compute_corner_weights,
+    compute_gain_fields,
+    find_box,
+    find_boxes_below,
+    interpolate_weights,
+    split_bands,
 )
-from uavgram.imaging.top_view.warp import render_windows
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.maps import GroundRaster
 from uavgram.model.result.result import GroundPicture, Result
 
+Shade = TypeVar("Shade", np.uint8, np.float32)
+
 MAX_SIZE_PX = 1536
+# Margin of the mosaic beyond the outermost points, as a share of the scene's size or of the
+# cameras' height.
 MARGIN = 0.35
-"""Margin beyond the outermost points, as a share of the scene's size or of the cameras' height."""
-
-BLENDED_NODES = 3
-"""Nodes beyond its own ones at which a photo may still be blended in."""
-
-MOST_BYTES = 500_000_000
-"""Limit of the memory of the photos that are kept; where they exceed it, the most useful ones."""
-
-WINDOW_PX = 256
+# Largest product of frames and cells for the choice of each cell's frame: about a second of
+# projections.
+CHOICE_BUDGET = 4_000_000
+CELL_PX = 16
+# Number of places along the longer side, or a few more, at which photos' brightness is compared.
+NODES = 64
+# Width above which a photo is halved for this comparison; less than twice this width remains.
+LIGHT_PX = 200
+# Step of the pixels that decide whether the ground is too dark to be seen.
 TONE_STEP_PX = 4
-"""Step of the pixels that decide whether the ground is too dark to be seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +79,8 @@ class Mosaic:
 
     Photos are equalised in brightness, each by one factor, so that seams do not show.
 
-    The photos may come one by one, in any order. Only those that are the most above some place are
-    kept, reduced to the pixels of the mosaic: together a few times its size.
+    The frame of each spot follows from the poses alone, so the photos may come one by one, in any
+    order, and need not stay in memory: only sums are stored, whose size is that of the mosaic.
     """
 
     def __init__(
@@ -80,7 +90,7 @@ class Mosaic:
         preview_scale: float,
         max_size_px: int = MAX_SIZE_PX,
     ) -> None:
-        """Choose the frames.
+        """Choose the frame of each spot.
 
         Parameters
         ----------
@@ -95,118 +105,174 @@ class Mosaic:
         """
         names, wanted = result.frames.frame_id, frozenset(photographed)
         rows = [i for i in np.flatnonzero(result.has_refined) if names[i] in wanted]
-        self._view = View(result, np.array(rows, dtype=np.int64))
+        poses = result.frames.refined
+        self._cameras = Cameras(
+            poses.center_world_m[rows], poses.world_from_camera[rows], result.frames.sweep[rows]
+        )
         self._index = {names[i]: k for k, i in enumerate(rows)}
-        self._photos: dict[int, Photo] = {}
-        self._reach: dict[int, Floats] = {}
+        self._size_px = np.array([result.camera.width_px, result.camera.height_px], dtype=float)
         if rows:
-            self._pixel_m = self._view.heights_m / float(result.shared.intrinsics.value[0])
-            self._raster = _lay_raster(self._view, self._pixel_m * preview_scale, max_size_px)
-            size = result.camera.width_px * result.camera.height_px
-            pixels = size * (self._pixel_m / self._raster.pixel_m) ** 2
-            self._reach = _choose_frames(self._view, self._raster, 4 * pixels)
+            self._grid = _lay_grid(result, self._cameras, preview_scale, max_size_px)
+            self._choice = choose_frames(self._grid, self._cameras)
+            height, width = (count * self._grid.cell_px for count in self._grid.shape)
+            # weighted sums of blue, green and red of each pixel, and the sum of the weights
+            self._sums = np.zeros((height, width, 3), dtype=np.float32)
+            self._weight = np.zeros((height, width), dtype=np.float32)
+            self._nodes = _nodes(self._grid)
+            self._light: dict[int, Light] = {}
 
     def add(self, frame_id: str, pixels: Pixels) -> None:
-        """Take in the (height, width, 3) BGR pixels of one preview; each frame may come once."""
+        """Blend in the (height, width, 3) BGR pixels of one preview; each frame may come once."""
         frame = self._index.get(frame_id)
-        if frame is None or frame not in self._reach:
+        if frame is None or not (self._choice == frame).any():
             return
-        camera = self._view.result.camera
-        reduction = self._raster.pixel_m / float(self._pixel_m[frame])
-        covered = float(camera.width_px), float(camera.height_px)
-        self._photos[frame] = create_photo(pixels, covered, reduction)
+        grid = self._grid
+        corner = compute_corner_weights(grid, self._choice == frame)
+        halves = [pixels]
+        sampled = _Sampled(halves, self._reduction(frame, pixels.shape[1]), self._size_px)
+        everywhere = find_box(corner)
+        places = grid.places_about(self._cameras, frame, everywhere)
+        for box in split_bands(corner, everywhere, grid.cell_px):
+            u, v = grid.pixels_at(self._cameras, places, box)
+            weight = interpolate_weights(corner, box, grid.cell_px)
+            hidden = np.isnan(u)
+            if hidden.any():
+                u[hidden] = v[hidden] = weight[hidden] = 0.0
+            at = box.pixels(grid.cell_px)
+            cv2.accumulate(_times(sampled.at(u, v), weight, np.float32), self._sums[at])
+            self._weight[at] += weight
+        self._light[frame] = self._light_of(frame, halves)
+
+    def _light_of(self, frame: int, halves: list[Pixels]) -> Light:
+        """Sample a preview's brightness at the nodes that it shows."""
+        pixel = self._grid.pixels_in(self._cameras, frame, self._nodes)
+        at = np.flatnonzero(np.isfinite(pixel[:, 0]))
+        # A node represents its surroundings, of any size; halving is fast.
+        reduction = 1 << int(np.log2(max(halves[0].shape[1] / LIGHT_PX, 1.0)))
+        sampled = _Sampled(halves, reduction, self._size_px)
+        return select_light(at, sampled.at(*pixel[at].T[..., None])[:, 0])
+
+    def _reduction(self, frame: int, width_px: int) -> int:
+        """Compute how many pixels of a preview of this width make one of the mosaic; at least 1."""
+        finest = self._grid.finest_pixel(self._cameras, frame, self._size_px[0] / width_px)
+        return max(int(self._grid.pixel_size_m / max(finest, 1e-9)), 1)
 
     def texture(self) -> GroundTexture | None:
-        """Compose the photos added so far, once; None where they show none of the scene."""
-        if not self._photos:
+        """Compose the photos added so far; None where they show none of the scene."""
+        if not self._index:
             return None
-        raster = self._raster
-        gains = estimate_exposure_gains(self._view, raster, self._photos.__getitem__, self._photos)
-        photos = {}
-        while self._photos:  # one by one: never two copies of all in memory
-            k, photo = self._photos.popitem()
-            photos[k] = photo.lighten(gains[k])
-        reach = np.full((len(self._index), 4), np.nan)
-        for k in photos:
-            reach[k] = self._reach[k]
-        rgba = np.zeros((raster.height, raster.width, 4), np.uint8)
-        for (column, row, width, height), made in render_windows(
-            self._view, raster, reach, photos.__getitem__, WINDOW_PX
-        ):
-            rgba[row : row + height, column : column + width] = made()
-        covered = rgba[..., 3] > 0
+        covered = self._weight > 0
         if not covered.any():
             return None
-        rgb = np.ascontiguousarray(rgba[..., :3])
+        grid = self._grid
+        gains = estimate_gains(self._light, len(self._cameras.center_m))
+        plain = np.zeros(self._sums.shape, np.uint8)
+        for box, gain in compute_gain_fields(grid, self._choice, gains):
+            at = box.pixels(grid.cell_px)
+            weight = np.maximum(self._weight[at], np.finfo(np.float32).tiny)
+            plain[at] = _times(self._sums[at], np.divide(gain, weight), np.uint8)
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
-        tone = choose_tone(rgb[some][covered[some]][:, None, ::-1])
-        place = raster.west_m, raster.north_m, raster.pixel_m
-        return GroundTexture(apply_tone(rgb, tone), covered, *place, tone)
+        tone = choose_tone(plain[some][covered[some]][:, None])
+        rgb = np.asarray(cv2.cvtColor(apply_tone(plain, tone), cv2.COLOR_BGR2RGB), np.uint8)
+        return GroundTexture(rgb, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
 
 
-def _choose_frames(view: View, raster: GroundRaster, size_bytes: Floats) -> dict[int, Floats]:
-    """Choose the photos that are the most above some node, as many as memory allows.
+def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_px: int) -> Grid:
+    """Lay cells over the scene: as fine as the previews, coarse enough for a fast choice."""
+    low, high = _extent(result, cameras)
+    coarsest = float((high - low).max()) / max_size_px
+    grid = Grid(result, float(low[0]), float(high[1]), coarsest, CELL_PX, (0, 0))
+    finest = min(
+        grid.finest_pixel(cameras, frame, preview_scale) for frame in range(len(cameras.center_m))
+    )
+    pixel_size = max(coarsest, finest)
+    size = (high - low) / pixel_size
+    grid, cell = replace(grid, pixel_size_m=pixel_size), CELL_PX // 2
+    looks = np.inf
+    while looks > CHOICE_BUDGET:
+        cell *= 2
+        columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
+        grid = replace(grid, cell_px=cell, shape=(int(lines), int(columns)))
+        looks = sum(
+            (b.bottom - b.top) * (b.right - b.left) for b in find_boxes_below(grid, cameras)
+        )
+    return grid
 
-    Returns the part of the raster about each: first column and row, last column and row.
 
-    Parameters
-    ----------
-    view
-        Photos.
-    raster
-        Ground to be shown.
-    size_bytes
-        (N,) memory for each photo.
+def _nodes(grid: Grid) -> Floats:
+    """Create places (n, 3) all over the ground."""
+    step = max(max(grid.shape) * grid.cell_px // NODES, 1)
+    row, column = (np.arange(0.5, count * grid.cell_px, step) for count in grid.shape)
+    return grid.world(*np.meshgrid(column, row)).reshape(-1, 3)
+
+
+def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
+    """Compute the south-west and north-east corner of the scene.
+
+    It is the extent of the points with a margin, or of the cameras with their height.
     """
-    coarse, world = lay_nodes(view, raster)
-    best, choice = np.full(len(world), np.inf), np.full(len(world), -1)
-    for frame in range(len(view.rows)):
-        node, _, off_nadir = view.find_shown(frame, world)
-        nearer = off_nadir < best[node]
-        best[node[nearer]], choice[node[nearer]] = off_nadir[nearer], frame
-    frames, places = np.unique(choice[choice >= 0], return_counts=True)
-    frames = frames[np.argsort(-places, kind="stable")]
-    reach = {}
-    for frame in frames[np.cumsum(size_bytes[frames]) <= MOST_BYTES].tolist():
-        row, column = np.divmod(np.flatnonzero(choice == frame), coarse.width)
-        first = np.array([column.min(), row.min()]) - BLENDED_NODES
-        last = np.array([column.max(), row.max()]) + BLENDED_NODES + 1
-        reach[frame] = np.concatenate([first, last]) * (coarse.pixel_m / raster.pixel_m)
-    return reach
-
-
-def _lay_raster(view: View, pixel_m: Floats, max_size_px: int) -> GroundRaster:
-    """Lay the raster over the points with a margin, or over the cameras; as fine as the photos.
-
-    Parameters
-    ----------
-    view
-        Photos.
-    pixel_m
-        (N,) size of their previews' pixels on the ground below.
-    max_size_px
-        Longer side of the raster.
-    """
-    points = view.result.points.position_world_m[:, :2]
-    height = float(np.median(view.heights_m))
+    points = result.points.position_world_m[:, :2]
+    below = result.plane.height_at(cameras.center_m[:, :2])
+    height = float(np.median(cameras.center_m[:, 2] - below))
     if len(points):
         low, high = points.min(axis=0), points.max(axis=0)
         margin = max(MARGIN * float((high - low).max()), MARGIN * height, 1.0)
     else:
-        center = view.result.frames.refined.center_world_m[view.rows, :2]
-        low, high = center.min(axis=0), center.max(axis=0)
+        low = cameras.center_m[:, :2].min(axis=0)
+        high = cameras.center_m[:, :2].max(axis=0)
         margin = max(height, 1.0)
-    low, high = low - margin, high + margin
-    pixel = max(float((high - low).max()) / max_size_px, float(pixel_m.min()))
-    width, lines = np.maximum(np.ceil((high - low) / pixel - 1e-9), 1).astype(int)
-    return GroundRaster(
-        west_m=float(low[0]),
-        north_m=float(high[1]),
-        pixel_m=pixel,
-        width=int(width),
-        height=int(lines),
-        crs=None,
-    )
+    return low - margin, high + margin
+
+
+def _times(picture: Pixels | Singles, factor: Singles, like: type[Shade]) -> NDArray[Shade]:
+    """Multiply a picture (H, W, 3) by factors (H, W) into another number type, with rounding."""
+    kind = cv2.CV_8U if like is np.uint8 else cv2.CV_32F
+    made = cv2.multiply(picture, cv2.cvtColor(factor, cv2.COLOR_GRAY2BGR), dtype=kind)
+    return np.asarray(made, dtype=like)
+
+
+class _Sampled:
+    """Preview, reduced as far as the mosaic is coarser, which avoids aliasing."""
+
+    def __init__(self, halves: list[Pixels], reduction: int, size_px: Floats) -> None:
+        """Select or make the level for a reduction, from a list of a preview and its halves.
+
+        Parameters
+        ----------
+        halves
+            (height, width, 3) BGR; missing halves are appended.
+        reduction
+            Number of pixels that become one.
+        size_px
+            (2,) width and height of the photo.
+        """
+        height, width = halves[0].shape[:2]
+        self._step = size_px / [width, height] * reduction
+        level = 0
+        while reduction % 2 == 0:
+            level, reduction = level + 1, reduction // 2
+            if level == len(halves):
+                halves.append(halve(halves[-1]))
+        pixels = halves[level]
+        height, width = pixels.shape[:2]
+        if reduction > 1:  # whole blocks only, for which OpenCV is ten times faster
+            rows, columns = max(height // reduction, 1), max(width // reduction, 1)
+            blocks = pixels[: rows * reduction, : columns * reduction]
+            pixels = np.asarray(
+                cv2.resize(blocks, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8
+            )
+        self._pixels = pixels
+
+    def at(self, u: Values, v: Values) -> Pixels:
+        """Sample (n, m, 3) BGR at u and v (n, m) in original pixels."""
+        column, row = (
+            ((at + 0.5) / step - 0.5).astype(np.float32, copy=False)
+            for at, step in zip((u, v), self._step.tolist(), strict=True)
+        )
+        shown = cv2.remap(
+            self._pixels, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(shown, dtype=np.uint8)
 
 
 MOST_PX = 1200

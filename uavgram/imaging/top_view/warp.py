@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from uavgram.geometry.ground.top_view import MAX_OFF_NADIR, View
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.top_view.brightness import Map, Photos
+from uavgram.imaging.top_view.brightness import Map, PhotoCache
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.maps import GroundRaster
 
@@ -194,7 +193,7 @@ def make_lattice(view: View, raster: GroundRaster, window: Window) -> Lattice:
     window
         Requested part of it.
     """
-    above = float(view.heights_m.min()) * NODE_STEP_SHARE / raster.pixel_m
+    above = view.least_height_m * NODE_STEP_SHARE / raster.pixel_m
     step = 1 if above < 2 else min(NODE_STEP_PX, int(above))
     return Lattice(view, raster, window, step)
 
@@ -274,36 +273,8 @@ BEHIND = 100.0
 """Tangent that is added where a photo is faded out: more than any that is shown."""
 
 
-def render_windows(
-    view: View, raster: GroundRaster, reach: Floats, photos: Photos, side_px: int
-) -> Iterator[tuple[Window, Callable[[], Pixels]]]:
-    """Iterate over the windows of a raster, row by row, each with the function that composes it.
-
-    Parameters
-    ----------
-    view
-        Photos and ground.
-    raster
-        Top view.
-    reach
-        (N, 4) first column and row, last column and row of each photo; NaN: it shows nothing.
-    photos
-        Photos by index of the view.
-    side_px
-        Side of a window.
-    """
-    for row in range(0, raster.height, side_px):
-        for column in range(0, raster.width, side_px):
-            width, height = min(side_px, raster.width - column), min(side_px, raster.height - row)
-            beside = (reach[:, 0] <= column + width) & (reach[:, 2] >= column)  # NaN is False
-            touches = beside & (reach[:, 1] <= row + height) & (reach[:, 3] >= row)
-            window = column, row, width, height
-            candidates = np.flatnonzero(touches)
-            yield window, partial(warp_window, view, raster, window, candidates, photos)
-
-
 def warp_window(
-    view: View, raster: GroundRaster, window: Window, candidates: Ints, photos: Photos
+    view: View, raster: GroundRaster, window: Window, candidates: Ints, photos: PhotoCache
 ) -> Pixels:
     """Compose a window (height, width, 4) of the top view in RGB and opacity.
 
@@ -323,13 +294,13 @@ def warp_window(
     width, height = window[2:]
     sights = _nearest(project_window(view, raster, window, candidates), _rim_px(view))
     if len(sights) == 1 and sights[0].within(EDGE_PX):
-        return photos(sights[0].index).sample(*sights[0].pixel_maps())
+        return photos.get(sights[0].index).sample(*sights[0].pixel_maps())
     shots = [maps for maps in (sight.maps() for sight in sights) if maps.shown.any()]
     if not shots:
         return np.zeros((height, width, 4), np.uint8)
     if len(shots) > 1:
         return _blend(shots, view, photos)
-    out = photos(shots[0].index).sample(shots[0].u, shots[0].v)
+    out = photos.get(shots[0].index).sample(shots[0].u, shots[0].v)
     out.view(np.uint32)[..., 0] *= shots[0].shown  # four bytes at once
     return out
 
@@ -355,16 +326,13 @@ def _nearest(sights: list[PhotoLattice], rim_px: float) -> list[PhotoLattice]:
         ]
 
 
-def _blend(shots: list[PixelMaps], view: View, photos: Photos) -> Pixels:
+def _blend(shots: list[PixelMaps], view: View, photos: PhotoCache) -> Pixels:
     """Blend photos: each spot from the photo most above it, with a transition at seams."""
     shape = shots[0].u.shape
     picture = np.zeros((*shape, 4), np.float32)
     for maps, share in zip(shots, _shares(shots, view), strict=True):
-        down, across = np.flatnonzero(share.any(axis=1)), np.flatnonzero(share.any(axis=0))
-        if down.size:
-            part = slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1)
-            shown = photos(maps.index).sample(maps.u[part], maps.v[part])
-            picture[part] += shown * share[part][..., None]
+        if share.any():
+            picture += photos.get(maps.index).sample(maps.u, maps.v) * share[..., None]
     picture += np.float32(0.5)  # round to nearest
     return picture.astype(np.uint8)
 

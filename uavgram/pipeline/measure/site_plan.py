@@ -81,9 +81,7 @@ class _Ground:
         self._view = view
         raster = _raster(view, overview, overview.sheets[0])
         coarse = raster.coarser(max(max(raster.width, raster.height) // 512, 1))
-        photos = select_photos(view, coarse)
-        shown = range(len(view.rows))
-        self._gains = estimate_exposure_gains(view, coarse, photos.get, shown)
+        self._gains = estimate_exposure_gains(view, coarse, select_photos(view, coarse))
         picture = render_picture(view, coarse, select_photos(view, coarse, self._gains))
         bright = picture[picture[..., 3] > 0]
         self._tone = choose_tone(np.ascontiguousarray(bright[:, None, 2::-1]))
