@@ -99,8 +99,9 @@ class Tables:
 
     def _report_missing(self) -> tuple[Message, ...]:
         """Report tables that the project names, and that are not there: `run` refuses these."""
-        missing = [role for role in ROLES if self._named[role] and self._on_disk[role] is None]
-        if not missing:
+        named = [role for role in ROLES if self._named[role]]
+        missing = [role for role in named if self._on_disk[role] is None]
+        if not missing or missing == named:  # a project without any of its tables is new
             return ()
         names = join_names(self._paths[role].name for role in missing)
         one = len(missing) == 1
