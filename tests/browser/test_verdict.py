@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from large_photos import write_large_project
 from opened_pages import PageOpener
 from picking_pages import eventually, place, wait_until_adjusted
-from picking_server import served
+from picking_server import Served, served
 from playwright.sync_api import Locator, Page, expect
 from standings import with_status
 
@@ -59,18 +60,24 @@ def one_length_off(result: Result) -> Result:
     return replace(with_status(result, "ok"), verdict=amber, messages=())
 
 
+def change_results(
+    monkeypatch: pytest.MonkeyPatch, server: Served, change: Callable[[Result], Result]
+) -> None:
+    """Let each adjustment of the page have a changed result."""
+    survey, adjust = server.picking.survey, server.picking.survey.adjust
+
+    def adjusted(observed: Observations) -> LiveAdjustment:
+        found = adjust(observed)
+        return replace(found, computed=found.computed._replace(result=change(found.result)))
+
+    monkeypatch.setattr(survey, "adjust", adjusted)
+
+
 def test_a_length_that_does_not_fit_is_read_again_before_it_is_removed(
     tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
-        survey, adjust = server.picking.survey, server.picking.survey.adjust
-
-        def adjusted(observed: Observations) -> LiveAdjustment:
-            found = adjust(observed)
-            off = one_length_off(found.result)
-            return replace(found, computed=found.computed._replace(result=off))
-
-        monkeypatch.setattr(survey, "adjust", adjusted)
+        change_results(monkeypatch, server, one_length_off)
         page = open_page(server)
         place(page, "New", 700.0, 500.0)
         buttons = page.locator("#first button")
@@ -153,14 +160,7 @@ def test_a_photo_is_left_out_and_the_set_up_opened_by_buttons_of_the_verdict(
     tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
-        survey, adjust = server.picking.survey, server.picking.survey.adjust
-
-        def adjusted(observed: Observations) -> LiveAdjustment:
-            found = adjust(observed)
-            off = two_ways_out(found.result)
-            return replace(found, computed=found.computed._replace(result=off))
-
-        monkeypatch.setattr(survey, "adjust", adjusted)
+        change_results(monkeypatch, server, two_ways_out)
         page = open_page(server)
         place(page, "New", 700.0, 500.0)
         wait_until_adjusted(page)

@@ -1,4 +1,4 @@
-"""What photos show of the heights of labels, and predicted places of picks in other photos."""
+"""Heights of labels as the photos show them, and predicted places of picks in other photos."""
 
 from __future__ import annotations
 

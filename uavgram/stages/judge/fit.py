@@ -188,7 +188,7 @@ def judge_groups(
     groups = _compute_factors(adjustment)
     messages: list[Message] = []
     if adjustment.minimum.converged:
-        misfits = find_misfit_groups(adjustment, significance)
+        misfits = _select_misfits(groups, significance)
         messages += [
             _report_misfit(get_kind(one.name), one.variance_factor, one.probability)
             for one in misfits
@@ -200,11 +200,12 @@ def judge_groups(
 
 def find_misfit_groups(adjustment: Adjustment, significance: float) -> list[GroupFactor]:
     """Find the groups of observations whose variance factor is too large."""
-    return [
-        one
-        for one in _compute_factors(adjustment)
-        if one.probability < significance and get_kind(one.name).check
-    ]
+    return _select_misfits(_compute_factors(adjustment), significance)
+
+
+def _select_misfits(groups: Sequence[GroupFactor], significance: float) -> list[GroupFactor]:
+    """Select the groups whose variance factor is too large, and that a message can advise on."""
+    return [one for one in groups if one.probability < significance and get_kind(one.name).check]
 
 
 def _compute_factors(adjustment: Adjustment) -> list[GroupFactor]:

@@ -22,6 +22,7 @@ from uavgram.stages.refine.causes.hypothesis import (
     CONTRADICTING,
     GROSS_ERROR_LOG_ODDS,
     Diagnosis,
+    Hypothesis,
 )
 from uavgram.stages.refine.causes.identification import (
     COMMON_ERRORS,
@@ -246,11 +247,7 @@ def _find_errors_of_picks(
         proposals += (partial(propose_swapped_pair, names=names),)
     if numbers:
         again = [one.hypothesis for one in found.possible if one.hypothesis.mend is not None]
-        proposals += (
-            lambda diagnosis: [
-                replace(one, is_of_all=True, moved=(), promise=diagnosis.cost) for one in again
-            ],
-        )
+        proposals += (partial(_propose_for_all, hypotheses=again),)
     if not proposals or not (found.causes or found.left_out or numbers or not found.fits):
         return None
     left = find_participants(taking.survey, robust.refined)
@@ -258,6 +255,12 @@ def _find_errors_of_picks(
         replace(left, known_removed=taking.known_removed), robust.refined, robust.count_numbers()
     )
     return identify_common_errors(diagnosis, proposals)
+
+
+def _propose_for_all(diagnosis: Diagnosis, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Propose hypotheses again, with all readings that were left out."""
+    # The decrease of the sum of squares is at most all of it.
+    return [replace(one, is_of_all=True, moved=(), promise=diagnosis.cost) for one in hypotheses]
 
 
 def _list_labels_at_control(survey: Survey, robust: Robust) -> Iterator[tuple[str, str]]:

@@ -58,8 +58,7 @@ from uavgram.stages.refine.causes.trials import (
 )
 from uavgram.stages.refine.causes.turned_photos import (
     propose_labels_moved_on,
-    propose_only_photo_mirrored,
-    propose_only_photo_turned,
+    propose_only_photo,
     propose_photos_in_disorder,
     propose_photos_in_order,
     propose_photos_turned_together,
@@ -109,8 +108,7 @@ HYPOTHESES: tuple[Proposal, ...] = (
 """Functions that propose hypotheses, by kind, for a survey that does not fit."""
 
 ERRORS_OF_ONLY_PHOTO: tuple[Proposal, ...] = (
-    propose_only_photo_mirrored,
-    propose_only_photo_turned,
+    propose_only_photo,
     propose_labels_moved_on,
 )
 """Those on all picks of a survey with a single photo."""

@@ -173,7 +173,7 @@ def _collect_photos(survey: Survey, picks: Ints, each: Sequence[Survey]) -> Phot
         center = survey.seeds.center_world_m[frame]
         rotation = survey.seeds.world_from_camera[frame]
     axes = np.repeat(np.eye(2), len(control), axis=0)
-    world = [one.control_world_m[:, :2].T.ravel() for one in each]
+    world = np.tile(survey.control_world_m[:, :2].T.ravel(), (cases, 1))
     return Photos(
         pixel_px=pixel,
         pixel_weight=np.maximum(np.sqrt(total), UNSEEN),
@@ -185,7 +185,7 @@ def _collect_photos(survey: Survey, picks: Ints, each: Sequence[Survey]) -> Phot
         line=line,
         toward=np.tile(axes, (cases, 1, 1)),
         placed=np.tile(np.tile(control, 2), (cases, 1)),
-        reading_m=np.column_stack([np.stack([one.length_m for one in each]), np.stack(world)]),
+        reading_m=np.column_stack([np.stack([one.length_m for one in each]), world]),
         reading_weight=np.column_stack(weight),
     )
 

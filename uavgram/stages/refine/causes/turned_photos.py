@@ -176,28 +176,12 @@ def propose_photos_turned_together(diagnosis: Diagnosis) -> Iterator[Hypothesis]
         )
 
 
-def propose_only_photo_turned(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose that the only photo was rotated when it was picked."""
-    return _propose_only_photo(diagnosis, TURNED)
-
-
-def propose_only_photo_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose that the only photo was mirrored when it was picked."""
-    return _propose_only_photo(diagnosis, MIRRORED)
-
-
-def _propose_only_photo(diagnosis: Diagnosis, turns: Mapping[str, _Turn]) -> Iterator[Hypothesis]:
-    """Propose that the only photo was shown in another way.
+def propose_only_photo(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that the only photo was mirrored or rotated when it was picked.
 
     It places its own points, so that only the log and control points show how it was shown.
-
-    Parameters
-    ----------
-    diagnosis
-        The survey under diagnosis, with all readings.
-    turns
-        Ways in which it may have been shown.
     """
+    turns = MIRRORED | TURNED
     survey, picks = diagnosis.survey, find_picks_of_only_photo(diagnosis)
     if not len(picks) or (survey.telemetry is None and not len(survey.control_label)):
         return
@@ -210,7 +194,7 @@ def _propose_only_photo(diagnosis: Diagnosis, turns: Mapping[str, _Turn]) -> Ite
             mend=mend,
             is_of_all=True,
             promise=promise,
-            price=float(np.log(len(MIRRORED) + len(TURNED))) + TURNED_LOG_ODDS,
+            price=float(np.log(len(turns))) + TURNED_LOG_ODDS,
             settles=frozenset([name, *survey.line_name]),
         )
 
