@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import ulog_writer
 from log_mutants import records, text_log
+from pymavlink.dialects.v20 import common
 
 from uavgram.errors import InputError
 from uavgram.io.logs.flight_log import read_flight_log
@@ -93,6 +94,23 @@ def test_an_sdlog2_file_is_refused_by_name(tmp_path: Path, name: str) -> None:
     path.write_bytes(sdlog2_head())
     with pytest.raises(InputError, match=r"is a PX4 log of the old form sdlog2.*give the ground"):
         read_flight_log(path)
+
+
+def test_bytes_that_recur_at_the_distance_of_a_frame_are_no_stream_without_time_stamps(
+    repository: Path, tmp_path: Path
+) -> None:
+    whole = (repository / "logs" / "twin_short.tlog").read_bytes()
+    mavlink = common.MAVLink(None)
+
+    def record(period: int) -> bytes:  # its text begins like a frame that ends in the next record
+        text = bytes([0xFE, period - 8]) + b"hovering"
+        return whole[:8] + mavlink.statustext_encode(6, text).pack(mavlink)
+
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(6 * record(len(record(255))) + whole)
+    (boot,) = read_flight_log(path).boots
+    assert boot.positions is not None
+    assert len(boot.positions.time_boot_s) == 220
 
 
 @pytest.mark.parametrize("cut", [0, 7])

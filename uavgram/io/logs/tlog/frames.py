@@ -166,7 +166,7 @@ Columns = dict[str, NDArray[Any]]
 _V1, _V2 = 0xFE, 0xFD
 _CHUNK = 1 << 23  # bytes searched at a time: the results fit into the cache
 _NO_TIME = 0xF0FF  # of its first two bytes: 2^52 microseconds are the year 2112
-_BARE_FRAMES = 4  # in a row: no other kind of file begins like that
+_BARE_FRAMES = 4  # in a row
 _ROWS = 1 << 16  # messages decoded at a time
 # sent by every running autopilot, each with time_boot_ms
 _CLOCKED = (
@@ -298,25 +298,15 @@ def scan_frames(data: bytes) -> FrameTable:
 
 
 def is_bare_stream(head: bytes) -> bool:
-    """Return whether a file has frames that follow each other without times between them.
+    """Return whether frames with correct checksums follow each other without times between them.
 
-    The file may begin inside of a frame, if the recording started there.
+    Without the checksums, bytes of a log that recur at regular intervals look like such frames.
     """
-    longest = 12 + 255 + 13
-    return any(
-        head[at] in (_V1, _V2) and _frames_in_a_row(head, at)
-        for at in range(min(longest, len(head)))
-    )
-
-
-def _frames_in_a_row(head: bytes, at: int) -> bool:
-    frames = 0
-    while frames < _BARE_FRAMES and at + 3 <= len(head) and head[at] in (_V1, _V2):
-        second = head[at] == _V2
-        signed = second and head[at + 2] & 1
-        at += head[at + 1] + (12 if second else 8) + (13 if signed else 0)
-        frames += 1
-    return frames == _BARE_FRAMES
+    data = np.frombuffer(head, dtype=np.uint8)
+    frames = _read_headers(data, np.flatnonzero((data == _V1) | (data == _V2)))
+    frames = frames.only(_has_right_checksum(data, frames, checksum_extra(frames.number)))
+    adjoining = np.isin(frames.start, frames.end).sum()
+    return bool(adjoining + 1 >= _BARE_FRAMES)
 
 
 def _find_sound_records(data: NDArray[np.uint8]) -> tuple[_Candidates, _Candidates]:
@@ -339,7 +329,11 @@ def _candidates(data: NDArray[np.uint8], low: int) -> _Candidates:
     """Return every position in a chunk of the file that could be a frame."""
     chunk = data[low : low + _CHUNK]
     start = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
-    start = start[copy_items(data, start - 8, "<u2") & _NO_TIME == 0]
+    return _read_headers(data, start[copy_items(data, start - 8, "<u2") & _NO_TIME == 0])
+
+
+def _read_headers(data: NDArray[np.uint8], start: Ints) -> _Candidates:
+    """Read the headers of possible frames (N,); those that end inside the file are returned."""
     start = start[start + 8 <= len(data)]
     start = start[(data[start] == _V1) | (start + 12 <= len(data))]
     head = copy_items(data, start, "<u4")  # mark, length of the payload, flags
