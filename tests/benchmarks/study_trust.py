@@ -7,9 +7,10 @@ it by the Python of the version that is to be judged.
     python tests/benchmarks/study_trust.py ordinary --surveys 40 --seed 1 --json ordinary.jsonl
     python tests/benchmarks/study_trust.py faults --surveys 20 --json faults.jsonl
     python tests/benchmarks/study_trust.py ordinary --only nadir_log exact --surveys 6
+    python tests/benchmarks/study_trust.py small --surveys 300 --seed 1000
     python tests/benchmarks/study_trust.py table ordinary.jsonl faults.jsonl
 
-`ordinary` and `faults` append a line of JSON for each survey and skip those that the file has
+`ordinary`, `faults` and `small` (random surveys of one to six photos) append a line of JSON for each survey and skip those that the file has
 already, so that a study can be stopped and continued. Columns of the tables:
 
     z          root mean square of error over sigma; by kind of measurement after it
@@ -47,7 +48,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
 from trust_conditions import BASES, CONDITIONS, draw
-from trust_faults import FAULTS, accepts, accused_rightly, is_accusation
+from trust_faults import FAULTS, accepts, accused_rightly, draw_small, is_accusation
 from trust_oracle import oracle_sigmas
 from trust_world import Survey, true_value, write_survey
 
@@ -72,7 +73,8 @@ def judged(survey: Survey, row: Row) -> Row:
             return row | {"failure": text, "cpu_s": time.process_time() - start}
         row["cpu_s"] = time.process_time() - start
     table = result.measurements
-    oracle = [] if row["fault"] else oracle_sigmas(survey, CONDITIONS[row["world"]])
+    world = CONDITIONS.get(row["world"])
+    oracle = [] if row["fault"] or world is None else oracle_sigmas(survey, world)
     values = []
     for k, (label, kind, points) in enumerate(survey.measure):
         at = list(table.name).index(label)
@@ -117,6 +119,9 @@ def judged(survey: Survey, row: Row) -> Row:
 def jobs(what: str, only: list[str], surveys: int, seed: int) -> Iterable[tuple[str, str, int]]:
     """Names of worlds and faults, and seeds."""
     for k in range(surveys):
+        if what == "small":
+            yield "small", draw_small(seed + k)[0], seed + k
+            continue
         if what == "ordinary":
             for world in CONDITIONS:
                 if not only or world in only:
@@ -130,6 +135,8 @@ def jobs(what: str, only: list[str], surveys: int, seed: int) -> Iterable[tuple[
 
 def drawn(world: str, fault: str, seed: int) -> Survey:
     """Draw a survey; the same names and seed give the same one."""
+    if world == "small":
+        return draw_small(seed)[1]
     rng = np.random.default_rng([zlib.crc32(f"{world} {fault}".encode()), seed])
     if not fault:
         return draw(CONDITIONS[world], rng)
@@ -258,7 +265,7 @@ def ordinary_table(rows: list[Row]) -> list[list[str]]:
     heads += [f"z {kind}" for kind in KINDS]
     heads += ["green", "amber", "red", "fail", "G>3.5", "A>3.5", "R>3.5", "innocent", "cpu"]
     table = [heads]
-    names = [name for name in CONDITIONS if any(row["world"] == name for row in rows)]
+    names = [name for name in (*CONDITIONS, "small") if any(row["world"] == name for row in rows)]
     for name in [*names, "all"]:
         some = [row for row in rows if name in {row["world"], "all"}]
         line = [name, str(len(some)), *trust_cells(some), *over_oracle(some)]
@@ -368,7 +375,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["ordinary", "faults", "table", "write"])
+    parser.add_argument("what", choices=["ordinary", "faults", "small", "table", "write"])
     parser.add_argument("files", nargs="*", type=Path, help="of `table`")
     parser.add_argument("--only", nargs="+", default=[], help="conditions, faults or base surveys")
     parser.add_argument("--surveys", type=int, default=6, help="of each condition or fault")

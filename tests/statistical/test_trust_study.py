@@ -12,7 +12,14 @@ import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 from trust_conditions import BASES, CONDITIONS, STRIP, World, draw
-from trust_faults import FAULTS, accepts, accused_rightly, is_accusation, swapped_everywhere
+from trust_faults import (
+    FAULTS,
+    accepts,
+    accused_rightly,
+    draw_small,
+    is_accusation,
+    swapped_everywhere,
+)
 from trust_oracle import oracle_sigmas
 from trust_world import (
     HOME,
@@ -135,6 +142,34 @@ def test_a_fault_is_the_first_cause_and_no_value_beside_it_is_wrong_and_in_order
     assert row["reasons"][0]["cause"] == cause
     assert row["level"] != "green"
     assert max(map(abs, zs(row, "ok")), default=0.0) < 3.5
+
+
+@pytest.mark.parametrize(
+    ("seed", "fault", "cause"),
+    [
+        (1006, "photo_mirrored", "photo-mirrored"),  # two photos of one track
+        (1105, "photo_half_size", "photo-elsewhere"),  # the other photo adapts to the scale
+        (1115, "length_percent", "line-left-out"),  # a wrong pose of the log explains it, too
+        (1192, "swapped_once", "labels-swapped-everywhere"),  # converges late
+    ],
+)
+def test_a_fault_in_a_survey_of_few_photos_is_named_and_nothing_right_is_accused(
+    seed: int, fault: str, cause: str
+) -> None:
+    planted, survey = draw_small(seed)
+    assert planted == fault
+    row = judged(survey, {"world": "small", "fault": fault, "seed": seed})
+    first = row["reasons"][0]
+    assert first["cause"] == cause
+    assert accused_rightly(first, survey.wrong)
+    assert max(map(abs, zs(row)), default=0.0) < 5.0
+
+
+def test_a_photo_that_too_few_points_place_is_not_accused() -> None:
+    planted, survey = draw_small(1143)
+    assert not planted
+    row = judged(survey, {"world": "small", "fault": "", "seed": 1143})
+    assert "photo-elsewhere" not in {one["cause"] for one in row["reasons"]}
 
 
 def test_a_click_that_explains_as_much_is_named_beside_the_length_that_was_left_out() -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from trust_conditions import World, true_length
+from trust_conditions import World, draw, true_length
 from trust_world import Line, Pick, Survey
 
 FOOT_M = 0.3048
@@ -449,3 +449,52 @@ FAULTS: dict[str, Fault] = {
         plant=mount_wrong, causes=("mount-turned", "gimbal-off", "mount-"), bases=WITH_LOG
     ),
 }
+
+
+def draw_small(seed: int) -> tuple[str, Survey]:
+    """Draw a survey of one to six photos, as people have them; two of three have a fault.
+
+    Returns
+    -------
+    The fault, empty for none; and the survey.
+    """
+    rng = np.random.default_rng([977, seed])
+    photos = int(rng.choice([1, 1, 2, 2, 3, 6]))
+    log = (None, "gps", "rtk")[rng.choice([0, 0, 1, 1, 2])]
+    lengths = int(rng.integers(3 if log else 4, 8))
+    tilt = float(rng.choice([2, 20, 40, 60]))
+    clicks = int(rng.choice([1, 1, 1, 2]))
+    path = "single"
+    if photos > 1:
+        path = str(rng.choice(["strip", "facing"])) if photos == 2 else "strip"
+    height = float(rng.uniform(10, 40, 1)[0])
+    world = World(
+        photos=photos,
+        path=path,
+        height_m=(height, height),
+        tilt_deg=(tilt, tilt + 8),
+        log=log,
+        lengths=(lengths, lengths),
+        taped=(max(5, lengths), 9),
+        marks=(3, 9),
+        share=1.0 if photos < 3 else 0.85,
+        clicks=clicks,
+        identified_m=float(rng.choice([0.003, 0.01])),
+        relief_m=float(rng.choice([0.005, 0.015])),
+        size_m=(24.0, 14.0) if tilt < 50 else (16.0, 10.0),
+        control=int(rng.choice([0, 0, 0, 4])),
+    )
+    fault = "" if seed % 3 == 0 else str(rng.choice(list(FAULTS)))
+    if fault:
+        one = FAULTS[fault]
+        world = one.changed(world)
+        if log is None and fault in {"clock_wrong", "mount_wrong", "control_shifted"}:
+            world = replace(world, log="gps")
+        if one.bases == SEVERAL_PHOTOS and photos == 1:
+            world = replace(world, photos=2, path="strip")
+        if fault == "clock_wrong":
+            world = replace(world, photos=6, path="strip")
+    survey = draw(world, rng)
+    if fault:
+        FAULTS[fault].plant(survey, rng)
+    return fault, survey

@@ -28,7 +28,7 @@ from uavgram.estimation.first_poses.length_poses import (
     find_allowed,
     move_seed_to_plane,
 )
-from uavgram.estimation.first_poses.resection import Pose
+from uavgram.estimation.first_poses.resection import MIN_PICKS, Pose
 from uavgram.estimation.first_poses.tied.two_views import add_turned_frames
 from uavgram.estimation.reliability.redundancy import compute_cofactors
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
@@ -418,7 +418,14 @@ def find_unusable_picks(survey: Survey, values: FirstValues) -> dict[int, LeftOu
     from_above = survey.off_ground[label] | (values.center[frame, 2] > up)
     usable = placed & (np.nan_to_num(depth, nan=-1.0) > 0) & from_above
     one_place = survey.is_free[label] & np.isnan(values.point_m[label, 0])
-    why = np.where(one_place, 2, placed)
+    # Too few shared points check a pose without a log that sees the sky at most picks.
+    frames = len(survey.frame_id)
+    seen = 2 * np.bincount(frame[usable], minlength=frames) > np.bincount(frame, minlength=frames)
+    known = np.append(label[seen[frame]], survey.control_label)
+    own = np.unique(np.column_stack([frame, label])[np.isin(label, known)], axis=0)
+    shared = np.bincount(own[:, 0], minlength=frames)
+    checked = seen | (shared >= MIN_PICKS) | (survey.telemetry is not None)
+    why = np.where(one_place, 2, placed & checked[frame])
     causes = (NOT_JOINED, NO_GROUND, NO_HEIGHT)
     return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}
 

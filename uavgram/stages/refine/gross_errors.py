@@ -81,6 +81,7 @@ from uavgram.stages.refine.robust_adjustment import (
     ZERO_WEIGHT,
     Annealed,
     anneal,
+    compute_gross_cost,
     compute_squared_misfits,
     decide,
     minimise_weighted_cost,
@@ -428,8 +429,8 @@ class Candidate:
         left = sum(blocks[name].residual.shape[1] * count for name, count in gross.items())
         numbers = sum(block.residual.size for block in blocks.values())
         degrees = max(numbers - left - found.problem.layout.size, 1)
-        # Sum of squares of the rest: each gross error contributes GROSS_SIGMAS^2 to the cost.
-        squares = found.cost - GROSS_SIGMAS**2 * sum(gross.values())
+        # Sum of squares of the rest.
+        squares = found.cost - sum(compute_gross_cost(name) * n for name, n in gross.items())
         return bool(squares < chdtri(degrees, MISFIT_PROBABILITY))
 
     def is_agreed(self) -> bool:
@@ -516,6 +517,14 @@ class Candidate:
         wrong = self._wrong_picks + self._wrong_references
         is_costly = self._wrong_picks > 0 and wrong > MOST_GROSS_OF_A_PHOTO
         return is_costly or not self.annealed.minimum.converged
+
+    def may_hide_a_photo(self) -> bool:
+        """Return whether one of two photos may be wrong instead, which would cost less.
+
+        Its pose adapts to the other photo, though both may be of different scales.
+        """
+        photos = len(np.unique(self.taking.survey.pick_frame[self.first.pick_index]))
+        return photos == 2 and self._wrong_references > MOST_GROSS_OF_A_PHOTO
 
     def doubts_a_photo(self) -> bool:
         """Return whether much is wrong, and more picks than lengths, known things and control."""
@@ -619,8 +628,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
         # Without references, or with other gross errors, something else may be wrong: search on.
         if search is _try_without_references or found[:1] == best or not found[0].explains():
             continue
-        is_sure = found[0].leaves_no_other() and found[0].keeps_lengths(taking)
-        if search is _try_without_photos or is_sure:
+        if found[0].leaves_no_other() and found[0].keeps_lengths(taking):
             break
     return found
 
@@ -709,7 +717,8 @@ def _try_without_photos(taking: Participants, found: Sequence[Candidate]) -> Ite
         Candidates so far, that of least cost first.
     """
     photos = _photos_by_gross_picks(taking, found)
-    if not 1 < len(photos) <= MOST_STARTS or (found and found[0].explains()):
+    is_explained = bool(found) and found[0].explains() and not found[0].may_hide_a_photo()
+    if not 1 < len(photos) <= MOST_STARTS or is_explained:
         return
     parts = (taking.leave_out_frames([name], MISPLACED) for name in photos)
     each = (one for rest in parts for one in _adjust_from_rest(rest))
@@ -996,17 +1005,17 @@ def _leave_out_each_known_thing(whole: Participants) -> Iterator[Participants]:
 
 
 def _leave_out_each_length(whole: Participants) -> Iterator[Participants]:
-    """Leave out all lengths where there is a log, and each one where no other photo checks it.
+    """Leave out all lengths where there is a log, and each one where no third photo checks it.
 
-    First values without a log may depend on a wrong length, and so may the pose of a single photo
-    with one. Where all lengths are in another unit, they and the log may force all other
+    First values without a log may depend on a wrong length, and so may the poses of one or two
+    photos with one. Where all lengths are in another unit, they and the log may force all other
     observations into agreement with them.
     """
     survey, lines = whole.survey, np.flatnonzero(~whole.line_removed).tolist()
     if survey.telemetry is not None and lines:
         yield whole.leave_out_lines(lines)
-    is_alone = len(np.unique(survey.pick_frame[whole.keep])) == 1
-    if (survey.telemetry is None or is_alone) and len(lines) <= MOST_STARTS:
+    are_few = len(np.unique(survey.pick_frame[whole.keep])) < SEVERAL_PHOTOS
+    if (survey.telemetry is None or are_few) and len(lines) <= MOST_STARTS:
         yield from (whole.leave_out_lines([line]) for line in lines)
 
 

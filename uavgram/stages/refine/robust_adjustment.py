@@ -77,7 +77,7 @@ MOST_ROUNDS = 6
 ZERO_WEIGHT = 1e-8
 """Weight of an observation that takes no part."""
 
-ITERATIONS_EACH, MIN_REDUCTION = 15, 1e-4
+ITERATIONS_EACH, MOST_ITERATIONS, MIN_REDUCTION = 15, 60, 1e-4
 """Iterations of each adjustment, and the predicted decrease of the cost below which they end."""
 
 MIN_GROUND_WEIGHT = 0.5
@@ -205,6 +205,8 @@ def decide(
         out, minimum = gross, found
     out, minimum, misfit = _restore_observations(problem, minimum, out, misfit, noise)
     weight = _weigh(out)
+    if not minimum.converged:
+        minimum = minimise_weighted_cost(problem, minimum.state, weight, most=MOST_ITERATIONS)
     frames = frames or _find_frames_of_other_places(problem, out["pixels"])
     frames = frames or _find_turned_frames(problem, minimum, out)
     # Make the misfits consistent with the decisions.
@@ -216,6 +218,11 @@ def decide(
     return Annealed(
         problem, minimum, frames, weight, misfit, compute_bounded_cost(problem, minimum, out)
     )
+
+
+def compute_gross_cost(name: str) -> float:
+    """Compute the cost of a gross error of a group: a wrong pose of the log counts as two."""
+    return GROSS_SIGMAS**2 * (2.0 if name == "telemetry" else 1.0)
 
 
 def _weigh(out: Mapping[str, Bools]) -> dict[str, Floats]:
@@ -297,6 +304,7 @@ def minimise_weighted_cost(
     weight: Mapping[str, Floats],
     softness: Mapping[str, float] | None = None,
     goal: float = np.inf,
+    most: int = ITERATIONS_EACH,
 ) -> Minimum[State]:
     """Minimise the weighted cost.
 
@@ -310,6 +318,8 @@ def minimise_weighted_cost(
         Factors of the sigmas, by group; 1 where a group has none.
     goal
         Cost above which the result is of no use.
+    most
+        Largest number of iterations.
     """
 
     def evaluate(now: State) -> dict[str, Block] | None:
@@ -328,7 +338,7 @@ def minimise_weighted_cost(
         lambda now, step: advance_state(layout, now, step),
         layout.size,
         layout.structure,
-        ITERATIONS_EACH,
+        most,
         at_rest=MIN_REDUCTION,
         slack=DAMPING,
         goal=goal,
@@ -528,7 +538,7 @@ def _compute_group_cost(name: str, block: Block, out: Bools | None) -> float:
     square = np.sum(block.residual**2, axis=1)
     if name not in ROBUST:
         return float(square.sum())
-    most = GROSS_SIGMAS**2
+    most = compute_gross_cost(name)
     counted = np.minimum(square, most)
     return float((counted if out is None else np.where(out, most, counted)).sum())
 

@@ -129,6 +129,31 @@ def propose_turned_photos(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
                 settles=frozenset([name]),
             )
+            used = _find_equal_photo(diagnosis, frame) if only is None else None
+            if used is not None:
+                yield _propose_other_turned(diagnosis, frame, used, how)
+
+
+def _propose_other_turned(diagnosis: Diagnosis, frame: int, used: int, how: str) -> Hypothesis:
+    """Propose that a photo in use was mirrored or rotated, in place of one that was left out."""
+    survey, turns = diagnosis.survey, MIRRORED | TURNED
+    return Hypothesis(
+        message=partial(_turned_message, (survey.frame_id[used],), how),
+        mend=_put_back(survey, picks_of(diagnosis, used), turns[how]),
+        back=frozenset(picks_of(diagnosis, frame).tolist()),
+        is_of_all=True,
+        price=float(np.log(len(turns))),
+        settles=frozenset([survey.frame_id[frame], survey.frame_id[used]]),
+    )
+
+
+def _find_equal_photo(diagnosis: Diagnosis, frame: int) -> int | None:
+    """Return the photo in use, where it and a left-out one contradict each other alike."""
+    reasons = diagnosis.refined.pick_reason
+    is_either = any(reasons.get(k) == EITHER for k in picks_of(diagnosis, frame).tolist())
+    if not is_either:
+        return None
+    return diagnosis.survey.frame_id.index(diagnosis.adjustment.survey.frame_id[0])
 
 
 def _find_only_other(diagnosis: Diagnosis, frame: int) -> int | None:
