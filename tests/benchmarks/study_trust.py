@@ -10,8 +10,9 @@ it by the Python of the version that is to be judged.
     python tests/benchmarks/study_trust.py small --surveys 300 --seed 1000
     python tests/benchmarks/study_trust.py table ordinary.jsonl faults.jsonl
 
-`ordinary`, `faults` and `small` (random surveys of one to six photos) append a line of JSON for each survey and skip those that the file has
-already, so that a study can be stopped and continued. Columns of the tables:
+`ordinary`, `faults` and `small` (random surveys of one to six photos) append a line of JSON for
+each survey and skip those that the file has already, so that a study can be stopped and continued.
+Columns of the tables:
 
     z          root mean square of error over sigma; by kind of measurement after it
     in95       per cent of values inside their 95 % interval

@@ -156,7 +156,7 @@ def adjust_at_stated_noise(
     explanations = tuple(
         explained
         for cause, explained in zip(causes, found.explanations, strict=False)
-        if not cause.is_accounted and entry_of(cause.message.code).effect is not Effect.RED
+        if not cause.is_accounted and not _forbids_use(cause.message, refined, given)
     )
     other = tuple(
         Explanation(one.after.adjustment, one.odds) for one in found.possible if one.after
@@ -173,6 +173,14 @@ def adjust_at_stated_noise(
         (*left_out, *unseen),
         are_all_wrong=found.wrong.issuperset(refined.pick_index.tolist()),
     )
+
+
+def _forbids_use(message: Message, refined: Refined, given: Survey) -> bool:
+    """Return whether a message makes the verdict red: lengths that were all left out do not."""
+    names = given.line_name or ("",) * len(given.line_start)
+    used = {names[k] for k in np.flatnonzero(~refined.line_removed)}
+    is_left_out = bool(message.lengths) and used.isdisjoint(message.lengths)
+    return entry_of(message.code).effect is Effect.RED and not is_left_out
 
 
 def _find_common_errors(

@@ -36,6 +36,10 @@ USUAL_S, USUAL_RAD = 20.0, float(np.radians(20.0))
 MAX_CLOCK_S, STEP_S = 20.0, 0.5
 """Largest correction of the clock in the search, and its step [s]."""
 
+MAX_MISFIT_SQUARE = 14.0
+"""Squared distance of a horizontal shift from zero, in sigmas, below which there is none: exceeded
+by chance once in 1,000."""
+
 SHIFT_SIGMA_M, USUAL_SHIFT_M = 1e5, 100.0
 """Prior sigma, and usual size, of a common shift of control points, as by another datum [m]."""
 
@@ -119,14 +123,18 @@ def _control_message(survey: Survey, found: HypothesisTest | None) -> Message:
     size = float(np.linalg.norm(found.value))
     toward = found.value / size if size else found.value
     sigma = float(np.sqrt(toward @ found.covariance @ toward))
+    along = found.value[:2]
+    is_upward = along @ np.linalg.solve(found.covariance[:2, :2], along) < MAX_MISFIT_SQUARE
+    where = "the coordinate system, the datum and the heights of the control points"
+    if is_upward:
+        where = "the heights of the control points, and at those of the log: one of both is wrong"
     return Message(
         "warning",
         "control-shifted",
         f"All control points are shifted against the flight log by {size:.1f} ± "
         f"{format_digits(sigma, 1)} m "
         f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): they agree with each other, "
-        "but not with the log. Look at the coordinate system, the datum and the heights of the "
-        "control points.",
+        f"but not with the log. Look at {where}.",
         labels=tuple(survey.label[k] for k in survey.control_label),
     )
 

@@ -483,7 +483,12 @@ def _choose_with_rivals(
         one for one in others if one.hypothesis.message is not None and _does_as_well(one, best)
     ]
     rivals.sort(key=lambda one: (_blames_tapes(one), -one.odds))
-    is_better = bool(rivals) and rivals[0].hypothesis.is_clear and not _blames_tapes(rivals[0])
+    is_better = (
+        bool(rivals)
+        and rivals[0].hypothesis.is_clear
+        and not _blames_tapes(rivals[0])
+        and not (_has_less_freedom(best, rivals[0]) and rivals[0].odds < best.odds - SURE_LOG_ODDS)
+    )
     if is_better and _blames_tapes(best):
         return rivals[0], (best, *rivals[1:])
     return best, tuple(rivals) if best.after is not None else ()
@@ -500,12 +505,18 @@ def _does_as_well(one: JudgedHypothesis, best: JudgedHypothesis) -> bool:
         moved.kind for moved in best.hypothesis.moved
     }
     freed = one.hypothesis.freed is not None and best.hypothesis.freed is not None
-    has_less_freedom = best.hypothesis.is_of_all and (
-        one.hypothesis.freed is not None or not one.hypothesis.is_of_all
-    )
-    if one.after is None or best.after is None or has_less_freedom or (same and freed):
-        return one.odds > best.odds - SURE_LOG_ODDS
+    is_known = _has_less_freedom(best, one)
+    if one.after is None or best.after is None or is_known or (same and freed):
+        # A free unknown may agree with a known amount by chance.
+        margin = 2.0 if is_known and one.hypothesis.freed is not None else 1.0
+        return one.odds > best.odds - margin * SURE_LOG_ODDS
     return one.after.cost < best.after.cost + 2.0 * SURE_LOG_ODDS
+
+
+def _has_less_freedom(best: JudgedHypothesis, other: JudgedHypothesis) -> bool:
+    """Return whether a hypothesis changes the whole survey by a known amount, and another not."""
+    is_freer = other.hypothesis.freed is not None or not other.hypothesis.is_of_all
+    return best.hypothesis.is_of_all and is_freer
 
 
 def _blames_tapes(judged: JudgedHypothesis) -> bool:

@@ -104,6 +104,10 @@ def _propose_units(found: SuspectLengths) -> Iterator[Hypothesis]:
         right = found.reading_m / unit.size
         error = found.reading_m - right
         rows = [k for k in range(len(error)) if found.off([k], error[[k]]) < MAX_SLIP_SIGMAS**2]
+        survey = found.diagnosis.survey
+        if MIN_LENGTHS_FOR_ALL <= len(rows) == len(survey.line_start):  # one mistake, not many
+            yield _make_unit_of_all(survey, unit, found.fall(rows, error[rows]))
+            continue
         together = [tuple(rows)] if len(rows) > 1 else []
         for some in (*((k,) for k in rows), *together):
             tell = partial(_unit_message, found, some, unit)
@@ -121,17 +125,21 @@ def _propose_unit_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     survey = diagnosis.survey
     for unit in WRONG_UNITS:
         off = float(np.log(scale.ratio / unit.size)) / scale.relative_sigma
-        right_m = survey.length_m / unit.size
-        if abs(off) > MAX_SLIP_SIGMAS:
-            continue
-        yield Hypothesis(
-            message=partial(_unit_of_all_message, survey, unit),
-            mend=SurveyCorrection(length_m=dict(enumerate(right_m.tolist()))),
-            is_of_all=True,
-            promise=scale.gain - off**2,
-            price=float(np.log(len(WRONG_UNITS))),
-            settles=frozenset(survey.line_name),
-        )
+        if abs(off) <= MAX_SLIP_SIGMAS:
+            yield _make_unit_of_all(survey, unit, scale.gain - off**2)
+
+
+def _make_unit_of_all(survey: Survey, unit: WrongUnit, promise: float) -> Hypothesis:
+    """Make the hypothesis that all lengths are in another unit."""
+    right_m = survey.length_m / unit.size
+    return Hypothesis(
+        message=partial(_unit_of_all_message, survey, unit),
+        mend=SurveyCorrection(length_m=dict(enumerate(right_m.tolist()))),
+        is_of_all=True,
+        promise=promise,
+        price=float(np.log(len(WRONG_UNITS))),
+        settles=frozenset(survey.line_name),
+    )
 
 
 def _propose_digits(found: SuspectLengths) -> Iterator[Hypothesis]:
@@ -250,9 +258,6 @@ def _unit_message(
     right = [f"{found.reading_m[k] / unit.size:.2f} m" for k in rows]
     each = [f"{found.describe_length(k)} would be {m}" for k, m in zip(rows, right, strict=True)]
     seem = f"seem to be {unit.words}"
-    survey = found.diagnosis.survey
-    if len(rows) >= MIN_LENGTHS_FOR_ALL and len(rows) == len(survey.line_start):
-        return _unit_of_all_message(survey, unit)
     if len(rows) > 1:
         text = f"{len(rows)} lengths {seem}: {unit.undo}. {'; '.join(each)}."
         told = MessageWords(text, ("", "", ""), f"{join_names(map(found.short, rows))} {seem}.")
