@@ -113,11 +113,13 @@ def _scatter_m(
     survey: Survey, seeds: Poses, ray_camera: Floats, camera_from_mounted: Floats
 ) -> float:
     """Return the RMS scatter [m] of points on the ground between photos; infinite in the sky."""
-    frame, label = survey.pick_frame, survey.pick_label
+    # Repeated clicks in a photo are one sighting of their point.
+    seen = np.stack([survey.pick_frame, survey.pick_label])
+    (frame, label), first = np.unique(seen, axis=1, return_index=True)
     rotation = seeds.world_from_camera[frame] @ camera_from_mounted
     ground = intersect_ground(
         seeds.center_world_m[frame],
-        np.einsum("pij,pj->pi", rotation, ray_camera),
+        np.einsum("pij,pj->pi", rotation, ray_camera[first]),
         np.array([survey.ground.height_m, 0.0, 0.0]),
         np.zeros(2),
         survey.height_above_m[label],

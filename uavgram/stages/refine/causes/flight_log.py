@@ -123,18 +123,26 @@ def _control_message(survey: Survey, found: HypothesisTest | None) -> Message:
     size = float(np.linalg.norm(found.value))
     toward = found.value / size if size else found.value
     sigma = float(np.sqrt(toward @ found.covariance @ toward))
+    shift = (
+        f"{size:.1f} ± {format_digits(sigma, 1)} m ({east:+.1f} m east, {north:+.1f} m north, "
+        f"{up:+.1f} m up)"
+    )
+    source = "photos' places" if isinstance(survey.track, PhotoExposures) else "flight log"
     along = found.value[:2]
-    is_upward = along @ np.linalg.solve(found.covariance[:2, :2], along) < MAX_MISFIT_SQUARE
-    where = "the coordinate system, the datum and the heights of the control points"
-    if is_upward:
-        where = "the heights of the control points, and at those of the log: one of both is wrong"
+    if along @ np.linalg.solve(found.covariance[:2, :2], along) < MAX_MISFIT_SQUARE:
+        return Message(
+            "warning",
+            "heights-off",
+            f"The heights of all control points differ from those of the {source} by {shift}: they "
+            "agree with each other, and in plan with both. One of the two has another reference: "
+            "compare the datum of both. Distances do not depend on it.",
+        )
     return Message(
         "warning",
         "control-shifted",
-        f"All control points are shifted against the flight log by {size:.1f} ± "
-        f"{format_digits(sigma, 1)} m "
-        f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): they agree with each other, "
-        f"but not with the log. Look at {where}.",
+        f"All control points are shifted against the {source} by {shift}: they agree with each "
+        f"other, but not with the {source}. Look at the coordinate system, the datum and the "
+        "heights of the control points.",
         labels=tuple(survey.label[k] for k in survey.control_label),
     )
 
