@@ -165,6 +165,18 @@ def test_a_fault_in_a_survey_of_few_photos_is_named_and_nothing_right_is_accused
     assert max(map(abs, zs(row)), default=0.0) < 5.0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_lengths_in_feet_in_one_photo_come_before_heights_that_would_fit_by_chance(
+    seed: int,
+) -> None:
+    rng = np.random.default_rng([42, seed])
+    survey = draw(World(log="gps", lengths=(6, 6), tilt_deg=(38, 46)), rng)
+    FAULTS["all_in_feet"].plant(survey, rng)
+    row = judged(survey, {"world": "one", "fault": "all_in_feet", "seed": seed})
+    assert row["reasons"][0]["cause"] == "lengths-wrong-unit"
+    assert max(map(abs, zs(row))) < 3.5
+
+
 def test_a_photo_that_too_few_points_place_is_not_accused() -> None:
     planted, survey = draw_small(1143)
     assert not planted

@@ -51,6 +51,19 @@ def test_a_mount_that_is_right_up_to_its_errors_is_not_accused(
     assert find_turned_mount(scene_factory(seed, frames=1 + seed % 6).survey) is None
 
 
+def test_repeated_clicks_in_one_photo_accuse_nobody(scene_factory: Callable[..., Scene]) -> None:
+    survey = mounted(scene_factory(3, frames=1).survey, "x", 70)
+    again = np.random.default_rng(3).normal(0.0, 1.0, survey.pixel_px.shape)
+    twice = replace(
+        survey,
+        pick_frame=np.tile(survey.pick_frame, 2),
+        pick_label=np.tile(survey.pick_label, 2),
+        pixel_px=np.concatenate([survey.pixel_px, survey.pixel_px + again]),
+        pick_sigma_px=np.tile(survey.pick_sigma_px, 2),
+    )
+    assert find_turned_mount(twice) is None
+
+
 @pytest.mark.parametrize("tilt", [0.0, 0.8])
 def test_photos_from_one_place_or_one_photo_alone_accuse_nobody(
     scene_factory: Callable[..., Scene], tilt: float
