@@ -506,8 +506,9 @@ class Candidate:
         return gross + len(self.contradicting) + len(self.first.undetermined)
 
     def explains(self) -> bool:
-        """Return whether few gross errors explain everything."""
-        return (self.fits() or self.is_agreed()) and not self.is_in_disorder()
+        """Return whether few gross errors explain everything, without a photo that contradicts."""
+        is_explained = (self.fits() or self.is_agreed()) and not self.is_in_disorder()
+        return is_explained and not self.misplaced
 
     def is_in_disorder(self) -> bool:
         """Return whether so much is wrong that a whole photo may be, which would cost less.
