@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from opened_pages import PageOpener
-from picking_pages import drawn, eventually, place, to_page
+from picking_pages import drawn, eventually, place, show_photo, to_page
 from picking_projects import PickingProject
 from picking_server import Served, served
 from playwright.sync_api import Locator, Page, expect
@@ -274,7 +274,7 @@ def test_a_click_beside_a_hollow_mark_does_not_accept_it(
     textured = write_textured(tmp_path)
     with served(textured.path) as server:
         page = open_page(server, *window)
-        page.locator('#strip [data-image="1"]').click()
+        show_photo(page, 1)
         mark = page.locator('[data-proposal="P1"]')
         expect(mark).to_have_count(1)
         at = textured.pixel_px[NAMES[1], "P1"].tolist()

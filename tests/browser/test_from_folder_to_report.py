@@ -150,9 +150,8 @@ def length(truth: Truth, ends: Sequence[str]) -> float:
 
 def results(page: Page) -> dict[str, str]:
     """Values of the results tab by the names of the measurements."""
-    table = page.get_by_role("table", name="Results")
-    rows = table.locator("tbody tr").all()
-    cells = [row.locator("td").all_inner_texts() for row in rows]
+    rows = page.get_by_role("table", name="Results").locator("tbody tr")
+    cells = rows.evaluate_all("all => all.map(row => [...row.cells].map(one => one.innerText))")
     return {name.partition(" ")[0]: value for name, value, *_ in cells}  # behind it are its points
 
 
@@ -207,13 +206,15 @@ def find_missed(page: Page, scene: Scene, server: Served) -> str | None:
 
 def check_pictures(page: Page, scene: Scene) -> None:
     """Each find has a picture, beside that of the pick, with the photo's own pixels."""
+    expect(page.locator("button[name=accept-export]")).to_be_enabled()  # all is listed
     row = page.locator('tr[data-row^="found "] + tr.beneath').first
-    row.scroll_into_view_if_needed()
+    row.evaluate("row => row.scrollIntoView()")
     names = row.locator(".spot").evaluate_all("all => all.map(one => one.title)")
     assert names[0].endswith(f"as picked in {scene.photos[0]}")
     assert "as found in" in names[1]
-    tiles = row.locator(".spot img").all()
-    eventually(page, lambda: all(tile.evaluate("img => img.naturalWidth > 0") for tile in tiles))
+    tiles = row.locator(".spot img")
+    loaded = "all => all.length > 0 && all.every(img => img.naturalWidth > 0)"
+    eventually(page, lambda: tiles.evaluate_all(loaded))
 
 
 def click_there(page: Page, does: Counted, scene: Scene, name: str) -> None:

@@ -60,9 +60,8 @@ def test_nothing_overlaps_and_nothing_is_cut_off(survey: Path, open_page: PageOp
             for tab in ("Photos", "Camera", "Measure"):
                 page.get_by_role("tab", name=tab).click()
                 expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
-                assert page.evaluate(CUT_OFF) == [], (width, tab)
+                eventually(page, lambda: page.evaluate(CUT_OFF) == [])
             assert page.evaluate(OVERLAPPING, "header > *:not(.unseen)") == [], width
-            page.wait_for_timeout(400)  # the labels are spread where the zoom rests
             eventually(page, lambda: page.evaluate(OVERLAPPING, "svg.marks text") == [])
             assert page.evaluate(OVERLAPPING, "#panes, #panel, #strip, header") == [], width
         page.evaluate("document.querySelector('#project').style.minWidth = '900px'")

@@ -6,12 +6,16 @@ from pathlib import Path
 
 import pytest
 from opened_pages import PageOpener
-from picking_pages import drawn, eventually, show_photo, to_page
+from picking_pages import drawn, eventually, place, show_photo, to_page
 from picking_server import served
 from playwright.sync_api import expect
 from textured_ground import NAMES, write_textured
 
 NEW = "P6"
+
+LISTED = """(window.shown = [], [...document.querySelectorAll(
+    '[data-row^="found "], [data-row^="found "] + tr.beneath')])"""
+"""Rows of what was found, and of their pictures."""
 
 
 @pytest.fixture
@@ -27,12 +31,12 @@ def project(tmp_path: Path) -> tuple[Path, tuple[float, float]]:
 def test_a_click_is_proposed_accepted_refused_and_asked_for(
     project: tuple[Path, tuple[float, float]], open_page: PageOpener
 ) -> None:
-    path, place = project
+    path, there = project
     with served(path) as server:
         page = open_page(server)
         expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted")
         page.locator("#label").fill(NEW)
-        page.mouse.click(*to_page(page, *place))
+        page.mouse.click(*to_page(page, *there))
         proposed = page.get_by_role("table", name="Found by the program")
         mine = proposed.locator(f'tr[data-row^="found {NEW} "]')
         expect(mine).to_have_count(2)
@@ -71,4 +75,23 @@ def test_a_click_is_proposed_accepted_refused_and_asked_for(
         page.keyboard.press("Shift+Enter")
         eventually(page, lambda: server.picking.state.pick(NAMES[2], NEW) is not None)
         assert server.picking.state.pick(NAMES[1], NEW) is None
+        assert not open_page.errors
+
+
+def test_rows_that_stay_are_not_made_anew(
+    project: tuple[Path, tuple[float, float]], open_page: PageOpener
+) -> None:
+    path, (u, v) = project
+    with served(path) as server:
+        page = open_page(server)
+        write = page.locator('[name="accept-export"]')
+        expect(write).to_be_enabled()
+        listed = page.evaluate(f"{LISTED}.map(row => (shown.push(row), row.dataset.row))")
+        assert listed.count(None) == len(listed) / 2 > 1  # pictures are beneath
+        page.locator('[data-row^="point "] [name="select"]').first.click()  # comes first now
+        show_photo(page, 1)
+        place(page, NEW, u, v)  # is searched in the other photos
+        expect(write).to_be_disabled()
+        expect(write).to_be_enabled()
+        assert page.evaluate("shown.every(row => row.isConnected)")
         assert not open_page.errors

@@ -239,6 +239,7 @@ def test_a_reload_keeps_a_distance_of_which_one_point_is_clicked(
         page.reload()
         expect(page.locator(".mark[data-label]")).to_have_count(1)
         expect(page.get_by_role("radio", name="Distance")).to_be_checked()
+        expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
         page.mouse.click(*to_page(page, 400, 220))
         eventually(page, (project.parent / "measure.csv").is_file)
         assert "distance" in (project.parent / "measure.csv").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from opened_pages import PageOpener
 from pick_pages import small_project
-from picking_pages import place, show_photo, to_page
+from picking_pages import eventually, place, show_photo, to_page
 from picking_server import served
 from playwright.sync_api import Dialog, expect
 
@@ -16,6 +16,12 @@ from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.parse import Message
 
 HANGS_S = 7.0
+
+TURN = """() => {
+  document.querySelector('#strip [data-image="1"]').click();
+  const {image, pictured, sharp} = document.querySelector('.pane').dataset;
+  return {image, pictured, sharp};
+}"""
 
 
 def test_a_photo_that_was_removed_takes_no_click_and_says_so(
@@ -38,8 +44,11 @@ def test_a_photo_that_was_removed_takes_no_click_and_says_so(
         page.keyboard.press("Enter")  # places a point in the middle elsewhere
         expect(page.locator("#notice")).to_contain_text("P3.jpg cannot be shown")
         expect(page.get_by_role("alertdialog")).to_have_count(0)
-        page.locator('#strip [data-image="0"]').click()
+        show_photo(page, 0)
         expect(lost).to_be_hidden()
+        shown_at_once = page.evaluate(TURN)  # the frame in which the former photo is still seen
+        assert shown_at_once == {"image": "P2.jpg", "pictured": "false", "sharp": "false"}
+        show_photo(page, 0)
         place(page, "B", 200, 100)
         assert {pick.image for pick in server.picking.state.picks} == {"P1.jpg"}
 
@@ -115,8 +124,7 @@ def test_a_reading_that_is_being_typed_is_not_left_unasked(
         expect(page.locator(".mark.placed")).to_have_count(2)
         page.keyboard.type("12.3")
         page.evaluate("() => void location.reload()")
-        page.wait_for_timeout(500)
-        assert asked == ["beforeunload"]
+        eventually(page, lambda: asked == ["beforeunload"])
         expect(page.locator('[name="length_m"]')).to_have_value("12.3")
         page.keyboard.press("Enter")
         expect(page.get_by_label("L1, taped length in m")).to_have_value("12.3")

@@ -103,8 +103,6 @@ def wait_until_pictured(page: Page, photo: str) -> None:
 
 def measured(page: Page) -> dict[str, str]:
     """Values as the page shows them, by the names of the measurements."""
-    rows = page.locator('table[aria-label="Measurements"] tr[data-row]').all()
-    names = ((row.get_attribute("data-row") or "").removeprefix("measure ") for row in rows)
-    return {
-        name: row.locator("td").nth(1).inner_text() for name, row in zip(names, rows, strict=True)
-    }
+    rows = page.locator('table[aria-label="Measurements"] tr[data-row]')
+    found = rows.evaluate_all("all => all.map(row => [row.dataset.row, row.cells[1].innerText])")
+    return {name.removeprefix("measure "): value for name, value in found}

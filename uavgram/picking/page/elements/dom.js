@@ -12,6 +12,9 @@ export function as(kind, value) {
 /** @param {string} id */
 export const byId = (id) => as(HTMLElement, document.getElementById(id));
 
+/** Names of the listeners that elements have. @type {Set<string>} */
+const listened = new Set();
+
 /**
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} tag
@@ -21,7 +24,10 @@ export const byId = (id) => as(HTMLElement, document.getElementById(id));
 export function node(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === "function") made.addEventListener(name.slice(2), value);
+    if (typeof value === "function") {
+      listened.add(name);
+      Object.assign(made, { [name]: value });
+    }
     else if (name.startsWith("aria-")) made.setAttribute(name, `${value}`);
     else if (value !== false && value !== null && value !== undefined) made.setAttribute(name, value === true ? "" : `${value}`);
   }
@@ -49,14 +55,68 @@ export function put(element, name, value) {
   element.setAttribute(name, `${value}`);
 }
 
-/** @type {WeakMap<Element, string>} */
+/** Signs of elements that are filled by themselves. @type {WeakMap<Node, string>} */
 const signs = new WeakMap();
 
 /** Fills an element if the `sign` of its content is new. @param {Element} element @param {string} sign @param {() => (Node | string)[]} make */
 export function fillIfNew(element, sign, make) {
   if (signs.get(element) === sign) return;
   signs.set(element, sign);
-  element.replaceChildren(...make());
+  fillAlike(element, node("div", {}, ...make()));
+}
+
+/** Shows these children in an element. Those that stay are not touched. @param {Element} element @param {Node[]} wanted */
+export function arrange(element, wanted) {
+  for (const child of [...element.childNodes]) if (!wanted.some((one) => one === child)) child.remove();
+  wanted.forEach((child, k) => { if (element.childNodes[k] !== child) element.insertBefore(child, element.childNodes[k] ?? null); });
+}
+
+// Changes a shown node to what a new one is, and returns it: what is alike stays, with its focus, scroll position
+// and pictures, and under a pressed mouse button. A form is exchanged as a whole: its listeners know its fields.
+/** @template {Node} N @param {N} shown @param {N} fresh @returns {N} */
+export function alike(shown, fresh) {
+  if (!(shown instanceof HTMLElement && fresh instanceof HTMLElement)) return shown.isEqualNode(fresh) ? shown : fresh;
+  if (shown.tagName !== fresh.tagName || fresh instanceof HTMLFormElement) return fresh;
+  putAlike(shown, fresh);
+  if (!signs.has(shown)) fillAlike(shown, fresh);
+  return shown;
+}
+
+const OWN = ["open", "style"]; // a person unfolds a part; the page's policy takes no style as text
+
+// Attributes, style, listeners and value.
+/** @param {HTMLElement} shown @param {HTMLElement} fresh */
+function putAlike(shown, fresh) {
+  for (const name of shown.getAttributeNames()) if (!fresh.hasAttribute(name) && !OWN.includes(name)) shown.removeAttribute(name);
+  for (const { name, value } of fresh.attributes) if (shown.getAttribute(name) !== value && !OWN.includes(name)) shown.setAttribute(name, value);
+  for (const name of listened) Reflect.set(shown, name, Reflect.get(fresh, name));
+  if (shown.style.cssText !== fresh.style.cssText) shown.style.cssText = fresh.style.cssText;
+  if (shown instanceof HTMLInputElement) shown.value = as(HTMLInputElement, fresh).value;
+}
+
+/** @param {Element} shown @param {Element} fresh */
+function fillAlike(shown, fresh) {
+  const before = byKey(shown);
+  arrange(shown, [...byKey(fresh)].map(([key, child]) => {
+    const there = before.get(key);
+    return there ? alike(there, child) : child;
+  }));
+}
+
+// Children by the row that they belong to, their kind, and their number among those alike. A button that does
+// something else is another one: nobody shall press it unawares.
+/** @param {Element} parent @returns {Map<string, Node>} */
+function byKey(parent) {
+  /** @type {Map<string, number>} */
+  const counts = new Map();
+  let row = "";
+  return new Map([...parent.childNodes].map((child) => {
+    if (child instanceof HTMLElement) row = child.dataset.row ?? row;
+    const act = child instanceof HTMLButtonElement ? child.name + (child.value || (child.name ? "" : child.textContent)) : "";
+    const kind = JSON.stringify([row, child.nodeName, act]);
+    counts.set(kind, (counts.get(kind) ?? 0) + 1);
+    return [`${kind}${counts.get(kind)}`, child];
+  }));
 }
 
 /** Chooses one button of a group, which is then the one reached with Tab. @param {Element} group @param {(button: HTMLElement) => boolean} isChosen @param {string} attribute */

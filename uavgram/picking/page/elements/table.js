@@ -2,7 +2,7 @@
 
 import { isSuspect } from "../connection/store.js";
 import { signButton } from "./buttons.js";
-import { fillIfNew, node } from "./dom.js";
+import { alike, arrange, fillIfNew, node } from "./dom.js";
 import { explained, fixed } from "./numbers.js";
 
 /** @import { Remark, Trust } from "../connection/protocol.js" */
@@ -19,13 +19,13 @@ let typing = null;
 addEventListener("input", ({ target }) => { typing = target; });
 for (const end of ["change", "focusout"]) addEventListener(end, () => { typing = null; }, true);
 
-// Returns the existing part if its content is unchanged or a text is being typed in it, else makes it.
+// Returns the existing part, with what is new in its content. It is not touched while a text is being typed in it.
 /** @param {string} name @param {unknown} sign @param {() => HTMLElement} make */
 export function keep(name, sign, make) {
   const before = kept.get(name);
   const now = JSON.stringify(sign);
   if (before && (before.sign === now || (typing instanceof Node && before.made.contains(typing)))) return before.made;
-  const made = make();
+  const made = before ? alike(before.made, make()) : make();
   kept.set(name, { sign: now, made });
   return made;
 }
@@ -33,16 +33,11 @@ export function keep(name, sign, make) {
 /** @param {string} name */
 export const drop = (name) => { kept.delete(name); };
 
-// Shows parts in a section. Elements that stay are not touched: they keep focus, scroll position and
-// the text being typed.
+// Shows parts in a section, and keeps the focus.
 /** @param {Element} section @param {(HTMLElement | null)[]} parts */
 export function fill(section, parts) {
   const focus = focusIn(section);
-  const scrolled = new Map([...section.querySelectorAll(".scroll")].map((box) => [box.getAttribute("aria-label"), box.scrollTop]));
-  const wanted = parts.filter((part) => part !== null);
-  for (const child of [...section.children]) if (!wanted.some((part) => part === child)) child.remove();
-  wanted.forEach((part, k) => { if (section.children[k] !== part) section.insertBefore(part, section.children[k] ?? null); });
-  for (const box of section.querySelectorAll(".scroll")) box.scrollTop = scrolled.get(box.getAttribute("aria-label")) ?? box.scrollTop;
+  arrange(section, parts.filter((part) => part !== null));
   restore(section, focus);
 }
 
@@ -87,7 +82,7 @@ export function table(caption, heads, rows) {
   const made = node("table", { "aria-label": caption },
     node("thead", {}, node("tr", {}, ...heads.map((head) => node("th", { scope: "col" }, head)))),
     node("tbody", {}, ...rows));
-  return made.querySelectorAll("tr[data-row]").length > LONG ? node("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` }, made) : made;
+  return node("div", made.querySelectorAll("tr[data-row]").length > LONG ? { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` } : {}, made);
 }
 
 /** A row; what is no cell becomes one. @param {Record<string, Attribute>} attributes @param {...Child} cells */

@@ -28,7 +28,7 @@ export function showOutputs(foot, isAsked, exportAll, stop, found) {
     node("div", { class: "row" },
       exporting ? null : node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: lost, title: "Save, compute everything once more, and write report, tables, drawings and recording (W)", onclick: exportAll },
         words),
-      ...(work ? [stage, node("button", { name: "stop-work", title: STOPS[work], onclick: () => stop(work) }, "Stop")] : []),
+      ...(work ? [node("span", { class: "stage", role: "status" }), node("button", { name: "stop-work", title: STOPS[work], onclick: () => stop(work) }, "Stop")] : []),
       all.length && !exporting && !lost ? node("button", { name: "accept-export", disabled: searching, title: "Look at their pictures in the list first", onclick: acceptAndWrite }, `${acceptWords}, and write`) : null,
       node("span", { class: "dim", role: "status" }, exporting || lost ? "" : searching && !work && store.photos.length > 1 ? "still looking in other photos" : age(outputs, old)))));
   if (foot.firstChild !== made) foot.replaceChildren(made);
@@ -39,7 +39,6 @@ export function showOutputs(foot, isAsked, exportAll, stop, found) {
 const WORKS = ["adjustment", "search"];
 /** @type {Record<Shown, string>} */
 const STOPS = { results: "Earlier results stay as they are", adjustment: "Marks and lengths stay as they are", search: "What was found so far stays; your next change starts the search again" };
-const stage = node("span", { class: "stage", role: "status" });
 let begun = 0; // time at which the shown work began
 /** @type {Shown | null} */
 let shown = null;
@@ -51,7 +50,8 @@ function showStage(work) {
   if (work !== shown) begun = performance.now();
   shown = work;
   clearTimeout(ticking);
-  if (!work) return;
+  const stage = document.querySelector("#outputs .stage");
+  if (!work || !stage) return;
   const words = store.stages[work] || "save";
   stage.textContent = `${words.slice(0, 1).toUpperCase()}${words.slice(1)}\u2026 ${Math.round((performance.now() - begun) / 1000)} s`;
   ticking = setTimeout(() => showStage(work), 1000);

@@ -105,7 +105,7 @@ function askedRow(some, tools) {
 }
 
 /** @param {{ image: number, label: string }} one @param {string} words @param {Tools} tools */
-const goButton = ({ image, label }, words, tools) => linkButton("go", words, () => tools.proposals.goTo(image, label), { title: "Show where it is expected" });
+const goButton = ({ image, label }, words, tools) => linkButton("go", words, () => tools.proposals.goTo(image, label), { value: image, title: "Show where it is expected" });
 
 /** @param {number} count */
 const more = (count) => (count > MOST_SHOWN ? node("p", { class: "dim" }, `and ${count - MOST_SHOWN} more`) : null);

@@ -58,7 +58,7 @@ function actionsOf({ code, labels, mends, show }, isOld, tools, project) {
   const looks = show.map(({ image, label }) => ({ name: "show", words: show.length > 1 ? `Show ${label}` : "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(image, label) }));
   const again = code === "nothing-checks" && labels.length ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
   const all = [...ways, ...again, ...looks].sort((a, b) => a.rank - b.rank);
-  return all.length ? node("span", { class: "mends" }, ...all.map(({ name, words, disabled, act }, k) => node("button", { name, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
+  return all.length ? node("span", { class: "mends" }, ...all.map(({ name, words, disabled, act }, k) => node("button", { name, value: words, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
 }
 
 const [MEND, LOOK, REMOVE] = [0, 1, 2];

@@ -95,7 +95,7 @@ export class Pane {
     this.choice.replaceChildren(...store.photos.map((photo, k) => node("option", { value: k }, photo.name)));
     this.choice.value = `${image}`;
     this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places a point in the middle`);
-    this.box.dataset.image = this.photo.name;
+    Object.assign(this.box.dataset, { image: this.photo.name, pictured: false, sharp: false }); // until it is drawn: no click is for the former one
     this.tone.show(image);
     void askTones(image);
     this.fit();
