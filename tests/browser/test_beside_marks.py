@@ -57,6 +57,13 @@ def test_a_click_beside_a_mark_is_asked_about_and_changes_nothing_by_itself(
         expect(page.locator('.mark.selected[data-label="first"]')).to_have_count(1)
         assert picks(server) == before
         page.mouse.click(*beside(page, before["first"]))
+        page.keyboard.press("Control+Enter")  # nothing is changed behind it
+        expect(page.locator("#notice")).to_contain_text("Ctrl+Enter was not used")
+        page.keyboard.press("Control+z")  # takes back the click that led to it, and nothing else
+        expect(question(page)).to_have_count(0)
+        expect(page.locator("#saved")).to_have_text("saved")
+        assert picks(server) == before
+        page.mouse.click(*beside(page, before["first"]))
         question(page).get_by_role("button", name="A new point").click()
         expect(page.locator(".mark")).to_have_count(2)
         eventually(page, lambda: len(picks(server)) == 2)
@@ -305,6 +312,8 @@ def test_a_click_beside_a_hollow_mark_does_not_accept_it(
         assert pick is not None
         scale = float(page.locator(".pane").get_attribute("data-scale") or "")
         assert math.dist((pick.u_px, pick.v_px), at) * scale == pytest.approx(3.0, abs=0.7)
+        picking = server.picking
+        eventually(page, lambda: picking._search.searched == picking.version)
         page.get_by_role("button", name="Take the program's place instead").click()
         eventually(page, lambda: source() == "match")
         assert not open_page.errors

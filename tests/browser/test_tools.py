@@ -72,6 +72,29 @@ def test_every_kind_of_measurement_has_a_tool_with_a_key_of_its_own(
         assert not open_page.errors
 
 
+def test_keys_change_nothing_behind_an_open_menu(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        place(page, "A", *planted.marks_px[0])
+        before = server.picking.state
+        menu = page.get_by_role("radiogroup", name="More tools")
+        page.get_by_role("button", name="More").click()
+        expect(menu).to_be_visible()
+        for key in ("Control+z", "Delete", "w"):
+            page.locator("#more").focus()  # not on a tool
+            page.keyboard.press(key)
+        page.keyboard.press("Escape")
+        expect(menu).to_be_hidden()
+        assert server.picking.state == before
+        assert not server.desk.is_busy
+        page.get_by_role("button", name="More").click()
+        page.keyboard.press("9")  # as the menu shows
+        expect(page.locator('[data-tool="profile"]')).to_be_checked()
+        assert not open_page.errors
+
+
 def test_a_number_typed_after_a_drawn_distance_is_no_shortcut(
     planted: PickingProject, open_page: PageOpener
 ) -> None:

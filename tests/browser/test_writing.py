@@ -10,9 +10,10 @@ import pytest
 from csv_rows import read_rows
 from opened_pages import PageOpener
 from pick_pages import small_project
-from picking_pages import eventually, place
+from picking_pages import eventually, place, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import expect
+from textured_ground import write_textured
 
 from uavgram.errors import UavgramError
 from uavgram.model.work import report_work
@@ -105,3 +106,37 @@ def test_a_long_adjustment_shows_its_stage_and_can_be_stopped(
         begun = time.monotonic()
     assert time.monotonic() - begun < 20.0  # the end waits for no adjustment
     assert not open_page.errors
+
+
+def test_values_and_finds_stay_when_a_person_stops_the_adjustment(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(write_textured(tmp_path).path) as server:
+        page = open_page(server)
+        expect(page.locator('[name="accept-export"]')).to_be_enabled()
+        finds = page.locator('tr[data-row^="found "]')
+        before, values = finds.count(), page.locator("td.value").all_inner_texts()
+        assert before
+        assert any(values)
+        survey = server.picking.survey
+
+        def adjust(_: Observations) -> LiveAdjustment:
+            work_for_a_minute("adjust")
+            raise AssertionError("nobody stopped it")
+
+        with monkeypatch.context() as slow:
+            slow.setattr(survey, "adjust", adjust)
+            place(page, "A", 100, 100)
+            page.locator("#outputs").get_by_role("button", name="Stop").click()
+            expect(page.locator("#light")).to_have_text("Not checked: you stopped the computation")
+            expect(page.locator("#panel")).to_contain_text("You stopped the computation, so there")
+            expect(page.locator("#mode")).to_have_text("stopped")
+            expect(page.locator("body")).to_have_attribute("data-numbers", "stopped")
+        shown = page.locator("td.value").all_inner_texts()
+        assert set(values) <= set(shown)
+        expect(page.locator('[name="accept-export"]')).to_be_enabled()  # the search has ended
+        assert finds.count() >= before
+        page.keyboard.press("Escape")
+        page.keyboard.press("Control+z")
+        wait_until_adjusted(page)
+        assert not open_page.errors

@@ -80,7 +80,7 @@ class App {
     choose(byId("tabs"), (button) => button.id === `tab-button-${state.tab}`, "aria-selected");
     for (const t of /** @type {const} */ (["undo", "redo"])) {
       byId(t).append(icon(t));
-      byId(t).onclick = () => tools.send({ t });
+      byId(t).onclick = () => tools.clicks.step(t);
     }
     byId("door").append(icon("folder"));
     byId("door").onclick = () => void project.leave("");

@@ -140,6 +140,7 @@ def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> m.Adjus
         "clock": _clock(result),
         "advice": _advice(adjusted),
         "messages": messages_json(result.messages),
+        "stopped": "",
     }
 
 

@@ -140,7 +140,7 @@ class Remarks:
         }
 
     def _show(self, reason: Reason) -> list[m.PhotoLabel]:
-        """Return the worst-fitting of the picks that a reason names; of each of a few points.
+        """Return the most doubtful of the picks that a reason names; of each of a few points.
 
         For a length, in a photo that shows both ends, if there is one: the length is drawn there.
         """
@@ -149,25 +149,34 @@ class Remarks:
         if not frames and not ends and len(reason.labels) <= MAX_NAMES:
             groups = [{label} for label in reason.labels]
         frames = frames or self._photos_of(ends)
-        found = (self._find_worst(frames, labels) for labels in groups)
+        found = (self._find_doubtful(frames, labels) for labels in groups)
         return [one for one in found if one is not None]
 
-    def _find_worst(self, frames: set[str], labels: set[str]) -> m.PhotoLabel | None:
-        """Return the worst-fitting pick of some labels in some photos; empty: of any."""
+    def _find_doubtful(self, frames: set[str], labels: set[str]) -> m.PhotoLabel | None:
+        """Return a pick of some labels in some photos; empty: of any.
+
+        The first that was left out, else the worst-fitting click of a person: what the program
+        found depends on a click.
+        """
         if not frames and not labels:
             return None
-        worst: m.PhotoLabel | None = None
-        size = -1.0
-        for row, (image, label) in enumerate(zip(self.picks.image, self.picks.label, strict=True)):
-            named = (not frames or image in frames) and (not labels or label in labels)
-            if not named or image not in self.index:
-                continue
-            off = math.hypot(*self.picks.residual_px[row].tolist())
-            # A pick that was left out has no residual; show it first.
-            off = off if math.isfinite(off) else math.inf
-            if off > size:
-                worst, size = {"image": self.index[image], "label": label}, off
-        return worst
+        picks = self.picks
+        rows = [
+            row
+            for row, (image, label) in enumerate(zip(picks.image, picks.label, strict=True))
+            if (not frames or image in frames) and (not labels or label in labels)
+            if image in self.index
+        ]
+        if not rows:
+            return None
+
+        def doubt(row: int) -> tuple[bool, bool, float]:
+            off = math.hypot(*picks.residual_px[row].tolist())
+            is_used = math.isfinite(off)
+            return not is_used, picks.source[row] == "hand", off if is_used else 0.0
+
+        worst = max(rows, key=doubt)
+        return {"image": self.index[picks.image[worst]], "label": picks.label[worst]}
 
     def _ends(self, reason: Reason) -> set[str]:
         """Return the end labels of the lengths that a reason names."""
@@ -326,7 +335,7 @@ def _length(result: Result, i: int) -> m.Trust:
     elif lines.status[i] == "unseen":
         own = ("not-checked", UNDETECTABLE_LENGTH)
     elif lines.status[i] == "used" and not lines.mdb_m[i] <= READING_ERROR_M:
-        own = ("not-checked", "A tape read 0.10 m wrong would not show in it.")
+        own = ("not-checked", "A mistake of 0.10 m in reading the tape would not be noticed.")
     reasons = (r for r in result.verdict.reasons if lines.name[i] in r.lengths)
     return _worse_status(result.verdict, own, reasons)
 

@@ -485,7 +485,10 @@ class Advice(TypedDict):
 
 
 class Adjusted(TypedDict):
-    """Full adjustment; `frames` by the photo's number."""
+    """Full adjustment; `frames` by the photo's number.
+
+    `stopped`: why it belongs to earlier picks, as a person stopped the one of the present picks.
+    """
 
     mode: Literal["adjusted"]
     seconds: float
@@ -501,6 +504,7 @@ class Adjusted(TypedDict):
     clock: ClockOffset | None
     advice: Advice | None
     messages: list[Note]
+    stopped: str
 
 
 class Unadjusted(TypedDict):

@@ -148,7 +148,8 @@ class PointSearch:
         self.proposed.let_go(wanted.state)
         before = self.proposed.outcomes
         self._shown = frozenset(before)
-        self._outcomes = {pair: one for pair, one in before.items() if one.is_fixed}
+        picked = {pick.key for pick in wanted.state.picks}  # a person may still take the find
+        self._outcomes = {k: one for k, one in before.items() if one.is_fixed or k in picked}
         if wanted.observed == self._stopped or (*wanted.observed, before) == self._finished:
             return
         if wanted.last is None and not wanted.is_adjusted and self._survey.flight() is not None:
@@ -295,9 +296,12 @@ class PointSearch:
         outcomes = self._outcomes
         keys = zip(picks.label, picks.image, *picks.pixel_px.T.tolist(), strict=True)
         number = {key: i for i, key in enumerate(keys)}
+        picked = set(zip(picks.image, picks.label, strict=True))
         results: dict[Pair, Found | Missed] = {}
         for pair, one in outcomes.items():
-            pick = None if one.source is None else number.get((pair[1], *one.source))
+            if one.source is None or pair in picked:
+                continue
+            pick = number.get((pair[1], *one.source))
             place = one.found or one.withdrawn
             if pick is not None and place is not None:
                 results[pair] = _as_find(pick, place, one.radius_px)

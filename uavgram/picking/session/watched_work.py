@@ -16,8 +16,8 @@ SHOW_EVERY_S = 0.3
 STOPPED: dict[Work, str] = {
     "results": "Stopped: nothing was written. Earlier results are unchanged.",
     "adjustment": (
-        "You stopped the computation, so there are no values yet. Your marks and lengths are kept. "
-        "It starts again with the next change, and when results are written."
+        "You stopped the computation, so there are no values for your last change. Your marks and "
+        "lengths are kept. It starts again with the next change, and when results are written."
     ),
     "search": "Stopped: what was found so far is proposed. The next change searches again.",
 }

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from uavgram.errors import UavgramError
+from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_survey import (
@@ -235,6 +236,8 @@ class AdjustmentWorkers:
             )
             return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:
+            if isinstance(why, RefusedError) and self.last is not None:  # stopped by a person
+                return self.last, {**adjusted_json(self.last, self._index), "stopped": str(why)}
             return None, unadjusted_json(str(why), self._survey.inputs.messages)
         except Exception:  # a bug here must not end the worker: the page goes on
             log.exception("the adjustment failed")

@@ -148,7 +148,8 @@ def describe_undetectable(result: Result) -> str:
     names = join_names(weak, MAX_NAMED)
     it = "them" if len(weak) > 1 else "it"
     return (
-        f"A tape read 0.10 m wrong would not show in {names}. To check {it}, tape one more length "
+        f"Nothing checks how the tape was read at {names}: a mistake of 0.10 m there would not be "
+        f"noticed. (The accuracy of each value is its ±.) To check {it}, tape one more length "
         "nearby."
     )
 

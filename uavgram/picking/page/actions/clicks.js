@@ -55,6 +55,13 @@ export class Clicks {
     if (!this.waits()) this.tools.clickedMark(label);
   }
 
+  // Undo takes back what was done last: of a click that led to a question, there is only the question.
+  /** @param {"undo" | "redo"} t */
+  step(t) {
+    if (this.tools.question.isOpen) this.tools.question.cancel();
+    else this.tools.send({ t });
+  }
+
   // A click does nothing before a question about an earlier one is answered, or while the reading of the line drawn
   // last has a fault, and says so: neither is lost unseen, and no reading goes to another line.
   waits() {

@@ -113,7 +113,7 @@ function closesHelp({ key }) {
 function isTyped(event) {
   const { key, target } = event;
   if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
-  if (document.querySelector(key === "Escape" ? "dialog[open], :popover-open" : "dialog[open]")) return true; // Escape closes a popover
+  if (isForOpened(event)) return true;
   if (key === "F6" || turnsPhotos(key, target)) return false;
   if ((ARROWS[key] || PAGES.includes(key)) && target.closest("#panel, [role=radiogroup], #strip")) return true;
   const isField = takesText(event, target);
@@ -122,6 +122,13 @@ function isTyped(event) {
     return false;
   }
   return isField || (target.matches("button, a, summary") && ["Enter", " "].includes(key));
+}
+
+// Returns whether a dialog or a menu is open that the key is for: nothing is changed behind it.
+/** @param {KeyboardEvent} event */
+function isForOpened(event) {
+  const [name] = namesOf(event);
+  return Boolean(document.querySelector(OF_MENUS.has(name) ? "dialog[open]" : "dialog[open], :popover-open"));
 }
 
 // A field for a number has no pages: these keys turn the photos there, too.
@@ -163,15 +170,15 @@ function* namesOf({ key, shiftKey, altKey, ctrlKey, metaKey }) {
 function handle(acted, event) {
   for (const name of namesOf(event)) {
     const act = ACTS.get(name);
-    if (act) return isHeldUp(acted, event, name) || act(acted, event) !== false;
+    if (act) return isHeldUp(acted, name) || act(acted, event) !== false;
   }
   return false;
 }
 
 // Returns whether something that waits for an answer takes no such key: then only the view changes.
-/** @param {Acted} acted @param {KeyboardEvent} event @param {string} name */
-function isHeldUp({ tools }, { ctrlKey, altKey, metaKey }, name) {
-  return !VIEWING.has(name) && !ctrlKey && !altKey && !metaKey && tools.holdsUp(name);
+/** @param {Acted} acted @param {string} name */
+function isHeldUp({ tools }, name) {
+  return !VIEWING.has(name) && tools.holdsUp(name);
 }
 
 /**
@@ -237,7 +244,7 @@ export const KEYS = [
     { keys: "Esc", what: "stop", does: { Escape: ({ tools }) => tools.cancel() } },
   ]],
   ["All", [
-    { keys: "Ctrl+Z, Ctrl+Shift+Z", what: "undo, redo", does: { "Ctrl+z": ({ tools }) => void tools.send({ t: "undo" }), "Ctrl+Shift+z": ({ tools }) => void tools.send({ t: "redo" }), "Ctrl+y": ({ tools }) => void tools.send({ t: "redo" }) } },
+    { keys: "Ctrl+Z, Ctrl+Shift+Z", what: "undo, redo", does: { "Ctrl+z": ({ tools }) => tools.clicks.step("undo"), "Ctrl+Shift+z": ({ tools }) => tools.clicks.step("redo"), "Ctrl+y": ({ tools }) => tools.clicks.step("redo") } },
     { keys: "F6, Shift+F6", what: "next, previous part of the page", does: { F6: ({ navigation }) => navigation.nextRegion(1), "Shift+F6": ({ navigation }) => navigation.nextRegion(-1) } },
     { keys: "X, Shift+X", what: "next, previous tab: measure, photos, camera, results", does: { x: ({ navigation }) => navigation.nextTab(1), X: ({ navigation }) => navigation.nextTab(-1) } },
     { keys: "up, down", what: "in a table: the same in the next row" },
@@ -246,8 +253,11 @@ export const KEYS = [
   ]],
 ];
 
-/** Keys that only change the view, and those that end or explain. */
-const VIEWING = new Set([...KEYS[0][1].flatMap(({ does = {} }) => Object.keys(does)), "Escape", "?", "F6", "Shift+F6"]);
+/** Keys that only change the view, and those that take back, end or explain. */
+const VIEWING = new Set([...KEYS[0][1].flatMap(({ does = {} }) => Object.keys(does)), "Escape", "?", "F6", "Shift+F6", "Ctrl+z", "Ctrl+Shift+z", "Ctrl+y"]);
+
+/** Keys that act while a menu is open, as it shows them: of tools, and of brightness and contrast. All others are for the menu. */
+const OF_MENUS = new Set([...Object.values(TOOLS).map(({ key }) => key), "0", "[", "]", "{", "}"]);
 
 /** @type {Map<string, Act>} */
 const ACTS = new Map(KEYS.flatMap(([, all]) => all.flatMap(({ does = {} }) => Object.entries(does))));

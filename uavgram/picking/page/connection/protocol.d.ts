@@ -111,7 +111,7 @@ export interface PhotoFit { status: string; sigma: string; moved: string; standi
 // Length to tape next.
 export interface Advice { start: string; end: string; text: string }
 // Full adjustment; `frames` by the photo's number.
-export interface Adjusted { mode: "adjusted"; seconds: number; verdict: Verdict; points: Record<string, AdjustedPoint | undefined>; picks: Fit[]; predicted: Predicted[]; lines: Record<string, LengthFit | undefined>; measurements: Record<string, Measured | undefined>; checks: Check[]; control_lines: Record<string, ControlLineFit | undefined>; frames: Record<string, PhotoFit | undefined>; clock: ClockOffset | null; advice: Advice | null; messages: Note[] }
+export interface Adjusted { mode: "adjusted"; seconds: number; verdict: Verdict; points: Record<string, AdjustedPoint | undefined>; picks: Fit[]; predicted: Predicted[]; lines: Record<string, LengthFit | undefined>; measurements: Record<string, Measured | undefined>; checks: Check[]; control_lines: Record<string, ControlLineFit | undefined>; frames: Record<string, PhotoFit | undefined>; clock: ClockOffset | null; advice: Advice | null; messages: Note[]; stopped: string }
 // Reason for no adjustment.
 export interface Unadjusted { mode: "none"; why: string; messages: Note[] }
 // First-order update: new values only; `residuals_px`: photo, label, u and v.
@@ -130,7 +130,7 @@ export interface Sample { file: string; text: string }
 export interface Standing { seq?: number | null; version: number; undo: number; redo: number }
 export interface LiveHead { seq?: number | null; t: "live"; for: number; expected?: Predicted[] }
 // Full adjustment of a state.
-export interface LiveAdjusted { seq?: number | null; t: "live"; for: number; expected?: Predicted[]; mode: "adjusted"; seconds: number; verdict: Verdict; points: Record<string, AdjustedPoint | undefined>; picks: Fit[]; predicted: Predicted[]; lines: Record<string, LengthFit | undefined>; measurements: Record<string, Measured | undefined>; checks: Check[]; control_lines: Record<string, ControlLineFit | undefined>; frames: Record<string, PhotoFit | undefined>; clock: ClockOffset | null; advice: Advice | null; messages: Note[] }
+export interface LiveAdjusted { seq?: number | null; t: "live"; for: number; expected?: Predicted[]; mode: "adjusted"; seconds: number; verdict: Verdict; points: Record<string, AdjustedPoint | undefined>; picks: Fit[]; predicted: Predicted[]; lines: Record<string, LengthFit | undefined>; measurements: Record<string, Measured | undefined>; checks: Check[]; control_lines: Record<string, ControlLineFit | undefined>; frames: Record<string, PhotoFit | undefined>; clock: ClockOffset | null; advice: Advice | null; messages: Note[]; stopped: string }
 // Reason for no adjustment of a state.
 export interface LiveUnadjusted { seq?: number | null; t: "live"; for: number; expected?: Predicted[]; mode: "none"; why: string; messages: Note[] }
 // First-order update for a state.

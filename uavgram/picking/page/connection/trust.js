@@ -4,7 +4,7 @@
 import { adjusted, store } from "./store.js";
 
 /** @import { Trust, Verdict } from "./protocol.js" */
-/** @typedef {"current" | "first-order" | "old" | "none" | "lost"} Age of the numbers */
+/** @typedef {"current" | "first-order" | "old" | "stopped" | "none" | "lost"} Age of the numbers */
 /** @typedef {{ level: NonNullable<Verdict["level"]> | "none", words: string }} Light */
 
 /** @type {Record<Exclude<Age, "current">, string>} */
@@ -12,6 +12,7 @@ const WORDS = {
   none: "Not checked yet",
   "first-order": "Not checked yet: first estimates",
   old: "Not checked yet: being computed",
+  stopped: "Not checked: you stopped the computation",
   lost: "Not checked: no connection",
 };
 
@@ -20,7 +21,8 @@ export function ageOfNumbers() {
   if (store.begun && !store.connected) return "lost";
   if (!adjusted()) return "none";
   if (store.mode === "linearised") return "first-order";
-  return store.waits ? "old" : "current";
+  if (store.waits) return "old";
+  return adjusted()?.stopped ? "stopped" : "current";
 }
 
 /** @returns {Light} */

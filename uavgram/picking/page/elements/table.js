@@ -33,11 +33,11 @@ export function keep(name, sign, make) {
 /** @param {string} name */
 export const drop = (name) => { kept.delete(name); };
 
-// Shows parts in a section, and keeps the focus.
-/** @param {Element} section @param {(HTMLElement | null)[]} parts */
-export function fill(section, parts) {
+// Shows parts in a section, and keeps the focus, or moves it on if its row is gone.
+/** @param {Element} section @param {() => (HTMLElement | null)[]} make */
+export function fill(section, make) {
   const focus = focusIn(section);
-  arrange(section, parts.filter((part) => part !== null));
+  arrange(section, make().filter((part) => part !== null));
   restore(section, focus);
 }
 

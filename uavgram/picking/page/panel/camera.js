@@ -16,7 +16,7 @@ const DICTIONARIES = [4, 5, 6, 7].flatMap((bits) => [50, 100, 250, 1000].map((si
 /** @param {Element} section @param {Folder[]} folders @param {ProjectActions} project */
 export function showCamera(section, folders, project) {
   const { camera, calibration } = store;
-  if (camera) fill(section, [knownPart(camera, project), formPart(folders, project), calibration ? keep("calibration", calibration, () => runShown(calibration, project)) : null]);
+  if (camera) fill(section, () => [knownPart(camera, project), formPart(folders, project), calibration ? keep("calibration", calibration, () => runShown(calibration, project)) : null]);
 }
 
 /** @param {Camera} camera @param {ProjectActions} project */

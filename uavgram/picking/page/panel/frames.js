@@ -17,8 +17,7 @@ import { leaveOutButton } from "./verdict.js";
 export function showFrames(section, show, current, project) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
-  const damage = store.damaged.length ? keep("damaged", [store.opening, store.damaged], () => damagedPart(project)) : null;
-  fill(section, [damage, keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
+  fill(section, () => [store.damaged.length ? keep("damaged", [store.opening, store.damaged], () => damagedPart(project)) : null, keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
     keep("frames", [facts, store.clock, store.opening, store.leftOut], () => node("div", {}, framesPart(facts, show), leftOutPart(project), unmatchedPart(facts), foundPart()))]);
 }
 

@@ -69,5 +69,6 @@ function modeText() {
   if (store.mode === "none" && !stale()) return ["none", "nothing computed yet"];
   if (store.mode === "linearised") return ["linearised", "first estimate"];
   if (stale() || store.live?.mode !== "adjusted") return ["waiting", "computing\u2026"];
+  if (store.live.stopped) return ["none", "stopped"];
   return ["adjusted", `computed in ${store.live.seconds.toFixed(2)} s`];
 }

@@ -26,15 +26,16 @@ import { placeText } from "./speed.js";
 export function showMeasure(section, state, image, tools, side) {
   const steps = firstStepsPart(state);
   const measured = store.measurements.length > 0; // their values come first
-  fill(section, [
+  fill(section, () => [
     steps && !store.picks.size ? null : missingPart(), measured ? null : steps, plannedPart(tools), plannedPlatesPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), linesOfPositionPart(), remarksPart(),
   ]);
 }
 
 function missingPart() {
-  const live = store.live;
-  return live?.mode === "none" ? keep("missing", live.why, () => node("p", { class: "why", role: "status" }, sentence(live.why))) : null;
+  const { live } = store;
+  const why = live?.mode === "none" ? live.why : live?.stopped;
+  return why ? keep("missing", why, () => node("p", { class: "why", role: "status" }, sentence(why))) : null;
 }
 
 // The input that the present tool waits for.

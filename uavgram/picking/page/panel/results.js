@@ -23,14 +23,14 @@ export function showResults(section, again) {
   if (!outputs) return;
   if (read.stamp !== outputs.stamp) void bring(outputs.stamp, again);
   if (!outputs.files.length && !outputs.recording) {
-    fill(section, [keep("results", "none", () => node("div", { class: "no-results" }, node("h2", {}, "Nothing is written yet"),
+    fill(section, () => [keep("results", "none", () => node("div", { class: "no-results" }, node("h2", {}, "Nothing is written yet"),
       node("p", {}, "Mark points, enter what was taped, and measure what you want to know. Then write the results: the report, a table, drawings for CAD and maps, and a recording to look at in 3-D."),
       node("p", { class: "dim" }, "The button below writes them into the project's folder.")))]);
     return;
   }
   const note = ageOfNumbers() === "lost" ? NO_CONNECTION : outputs.version === store.version ? "" : OLDER;
   const { results } = read;
-  fill(section, [keep("results", [outputs, results, note], () => node("div", { class: "results" },
+  fill(section, () => [keep("results", [outputs, results, note], () => node("div", { class: "results" },
     note ? node("p", { class: "older", role: "status" }, note) : null,
     results ? headline(results) : null,
     node("div", { class: "beside" },
