@@ -98,6 +98,12 @@ def unread_format(path: str | Path) -> UnreadFormat | None:
     return next(by_content, None) or next(by_suffix, None)
 
 
+def is_unread_photo(path: Path) -> bool:
+    """Return whether a file is a photo in a format without a reader, such as HEIC."""
+    known = unread_format(path)
+    return known is not None and "photo" in known.name
+
+
 def describe_files(paths: Iterable[Path]) -> str:
     """Describe files without a use, by kind and number, with remedies; empty without any."""
     kinds = [(path, unread_format(path)) for path in paths]

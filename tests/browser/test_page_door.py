@@ -20,6 +20,7 @@ from websockets import Origin
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from uavgram.picking.session.folder_chooser import FolderChooser
 from uavgram.picking.web.running_server import RedirectFile
 
 HTML = "<img src=x onerror=\"document.title='pwned'\">"
@@ -232,3 +233,20 @@ def test_a_file_that_only_its_user_can_read_leads_to_the_page(
         context.close()
     way.remove()
     assert not path.parent.exists()
+
+
+def test_a_project_that_cannot_be_read_opens_the_page_with_the_reason_and_a_way_out(
+    tmp_path: Path, open_page: PageOpener
+) -> None:
+    project = small_project(tmp_path / "case")
+    right = project.read_text(encoding="utf-8")
+    project.write_text(right + "camra: other.yaml\n", encoding="utf-8")
+    with served(project, FolderChooser(roots=(tmp_path,))) as server:
+        page = open_page(server)
+        trouble = page.locator("#trouble")
+        expect(trouble).to_contain_text("This project cannot be opened.")
+        expect(trouble).to_contain_text(f"project.yaml:{len(right.splitlines()) + 1}: camra")
+        project.write_text(right, encoding="utf-8")
+        page.get_by_role("button", name="Read it again").click()
+        expect(page.locator("#strip button")).to_have_count(2)
+        assert {one for one in open_page.errors if "409" not in one} == set()

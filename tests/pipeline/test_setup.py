@@ -48,6 +48,22 @@ def test_a_gcp_list_of_another_flight_is_named_and_not_offered(folder: Path) -> 
     assert found.unusable == ("gcp_list.txt is not used: it names none of the photos here.",)
 
 
+def test_photos_in_a_format_without_a_reader_are_named_unless_they_are_there_as_jpeg(
+    folder: Path,
+) -> None:
+    heic = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic"
+    for name in ("P1.heic", "P8.HEIC", "P9.HEIC"):
+        (folder / name).write_bytes(heic)
+    found = inspect_folder(folder)
+
+    (named,) = found.unusable
+    assert named == (
+        "Passed over: 2 x HEIC photo. A HEIC photo: save it as JPEG, with its tags and in its full "
+        "size."
+    )
+    assert "1 x HEIC photo" in found.passed_over
+
+
 def test_a_gcp_list_is_taken_with_its_sigma(folder: Path) -> None:
     (folder / "gcp_list.txt").write_text(GCP)
     (folder / "notes.odt").write_bytes(b"x")

@@ -17,7 +17,7 @@ import numpy as np
 from uavgram.config.project import load_project
 from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
-from uavgram.input_files import describe_files, read_text
+from uavgram.input_files import describe_files, is_unread_photo, read_text
 from uavgram.io.folders import (
     MAX_LOG_BYTES,
     FolderContents,
@@ -205,6 +205,8 @@ def inspect_folder(folder: Path) -> FolderSummary:
         for name in _names(folder, tuple(p for p in holdings.gcp_lists if p not in gcp))
     )
     unusable = (one.text for one in order_messages(*report_unusable(folder, holdings)))
+    used = {photo.stem for group in holdings.photos for photo in group.files}
+    unread = {path for path in others if path.stem not in used and is_unread_photo(path)}
     return FolderSummary(
         has_project=(folder / PROJECT).exists(),
         photos=tuple(
@@ -218,8 +220,8 @@ def inspect_folder(folder: Path) -> FolderSummary:
         poses=_poses(folder, holdings.poses, project),
         gcp_lists=_names(folder, gcp),
         tables=_names(folder, tuple(sorted(tables))),
-        unusable=(*unusable, *strange),
-        passed_over=describe_files(others),
+        unusable=(*unusable, *strange, *filter(None, [describe_files(sorted(unread))])),
+        passed_over=describe_files(path for path in others if path not in unread),
         setup=Setup() if project is None else read_setup(project),
         camera=None if project is None else _camera_of(folder, project),
         log=None if project is None or project.log is None else _inside(folder, project.log),

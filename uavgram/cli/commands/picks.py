@@ -105,8 +105,11 @@ def _find_running_page(wanted: Path | None, port: int, *, browser: bool) -> bool
     from uavgram.config.project import load_project
     from uavgram.picking.web.running_server import request_address
 
-    if wanted is not None and not _lacks_project(wanted):
-        load_project(wanted, unfinished=True)  # its faults are reported here
+    is_project = wanted is None or wanted.is_dir() or wanted.suffix in {".yaml", ".yml"}
+    if wanted is not None and not (is_project and wanted.exists()):
+        load_project(
+            wanted, unfinished=True
+        )  # reports what it is; the page shows a project's faults
     fresh = request_address(wanted, lambda door: port in {0, door.port})
     if fresh is None:
         return False

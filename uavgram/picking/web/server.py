@@ -17,7 +17,7 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from uavgram.errors import UavgramError
+from uavgram.errors import InputError, UavgramError
 from uavgram.io.folders import PROJECT
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
@@ -264,7 +264,8 @@ class ProjectHost:
     door
         Choice of folders.
     project
-        Project to open at the start; None: none.
+        Project to open at the start; None: none. One that cannot be read is opened on the start
+        page, which shows why it cannot.
 
     Attributes
     ----------
@@ -274,12 +275,18 @@ class ProjectHost:
     Raises
     ------
     UavgramError
-        The project cannot be read, or is open elsewhere.
+        The project is open elsewhere.
     """
 
     def __init__(self, run: RunProject, door: FolderChooser, project: Path | None = None) -> None:
         self._run, self.door = run, door
-        self.pick = None if project is None else self._read(project)
+        self.pick = None
+        if project is not None:
+            try:
+                self.pick = self._read(project)
+            except InputError as why:
+                log.warning("%s", why)
+                door.choose(project, opens=True)  # the start page shows it, and reads it again
         self._routes: ASGIApp | None = None
         self._changing = asyncio.Lock()
 

@@ -105,7 +105,7 @@ def serve(
     Raises
     ------
     UavgramError
-        The project cannot be read, or is open in another page.
+        The project is open in another page.
     KeyboardInterrupt
         Ctrl+C came; everything is saved.
     """

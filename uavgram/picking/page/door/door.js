@@ -84,6 +84,7 @@ class Door {
     const found = /** @type {Found} */ (await find(`/door/look?folder=${number}`));
     showSetup(byId("setup"), found, {
       begin: (wanted, hasLengths) => void this.open(wanted, { hasLengths }),
+      again: () => void this.doing("Looking through the folder\u2026", () => this.look(number)),
       back: () => { forget(); void this.doing("Looking\u2026", () => this.list(this.at)); },
       wrong: (fault) => this.fail(fault),
     });
@@ -100,6 +101,7 @@ class Door {
       } catch (fault) {
         if ("setup" in wanted && !(fault instanceof OpenElsewhere || fault instanceof OpenAlready)) await this.look(wanted.folder); // what is there now
         if (fault instanceof OpenElsewhere) this.trouble(fault.message, [["Go to it", () => { location.replace(fault.there); }]]);
+        else if (!(fault instanceof OpenAlready || "setup" in wanted)) this.trouble(`This project cannot be opened. ${fault instanceof Error ? fault.message : ""}`, [["Read it again", () => void this.open(wanted)]]);
         else if (!(fault instanceof OpenAlready)) throw fault;
         else this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, { closes: true, hasLengths })]]);
         return;

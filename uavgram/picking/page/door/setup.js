@@ -30,12 +30,12 @@ function kindsOf(photos) {
 /** @param {Kind} kind */
 const countOf = ({ photos }) => photos.reduce((sum, { count }) => sum + count, 0);
 
-/** @param {Element} section @param {Found} found @param {{ begin: (wanted: Wanted, hasLengths: boolean) => void, back: () => void, wrong: (fault: unknown) => void }} act */
+/** @param {Element} section @param {Found} found @param {{ begin: (wanted: Wanted, hasLengths: boolean) => void, again: () => void, back: () => void, wrong: (fault: unknown) => void }} act */
 export function showSetup(section, found, act) {
   const kinds = kindsOf(found.photos);
   const heading = node("h2", { id: "setup-title", tabindex: -1 }, found.has_project ? `${found.name}: a project is here already` : found.name);
   if (!kinds.length || found.fault) {
-    section.replaceChildren(heading, node("div", { class: "none", role: "alert" }, ...(found.fault ? [node("p", {}, "The project in this folder cannot be read:"), node("p", {}, found.fault)] : nothing(found))), bar(found, act));
+    section.replaceChildren(heading, node("div", { class: "none", role: "alert" }, ...(found.fault ? unreadable(found.fault, act) : nothing(found))), bar(found, act));
     return;
   }
   const form = node("form", { novalidate: true, onsubmit: (event) => { event.preventDefault(); begin(event instanceof SubmitEvent && event.submitter?.getAttribute("name") === "begin"); } });
@@ -62,6 +62,11 @@ export function showSetup(section, found, act) {
   section.replaceChildren(heading, node("p", { class: "dim path" }, found.path), form);
   keepSet(form, found);
 }
+
+/** @param {string} fault @param {{ again: () => void }} act @returns {Node[]} */
+const unreadable = (fault, act) => [node("p", {}, "The project in this folder cannot be read:"), node("p", {}, fault),
+  node("p", {}, "Correct the file with a text editor, and read it again. Or move it out of the folder: then this page asks anew how the camera hung, and makes another."),
+  node("button", { type: "button", name: "again", onclick: () => act.again() }, "Read it again")];
 
 /** @param {Found} found @returns {Node[]} */
 const nothing = ({ unusable, passed_over }) => [node("p", {}, `There are no photos (.jpg, .png, .tif)${unusable.length ? " that can be used" : ""} in this folder, nor in the folders in it.`),
