@@ -50,7 +50,7 @@ function stepsOf() {
   return [
     { words: "Mark two points", done: counts.length >= 2, how: "Click them in a photo: things on the ground, as near as the zoom allows (wheel)." },
     measure,
-    ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Accept what the program found; or go to the next photo (Page Down), where each point should be within the dashed line, and click it there. Then a wrong click shows." }] : []),
+    ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Accept what the program found: that makes the values more exact, but checks no click. A wrong click shows only beside another click of yours: Click again, above the numbers, asks for the few points that need one; or click them in the next photo (Page Down), within the dashed line." }] : []),
     { words: "Enter a length that was taped, if you have one", done: store.lines.length >= 1, how: `Tool ${TOOLS.length.name} (L). It makes all values more exact; here the photos' places are known, so it can do without.` },
   ];
 }
