@@ -7,7 +7,7 @@ import pytest
 
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownLines
-from uavgram.stages.reading_steps import apply_reading_step, find_reading_step
+from uavgram.stages.assemble import apply_reading_step, find_reading_step
 
 TRUE_M = np.array([4.437, 11.164, 7.918, 19.352, 9.183, 15.046])
 

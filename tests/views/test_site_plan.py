@@ -26,7 +26,7 @@ from uavgram.model.maps import GroundRaster, Paper
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.stages.products.plan_sheets import find_surveyed_extent, lay_plan
-from uavgram.views.site_plan import GroundPicture, PlanContent, PlanFiles, plan_pages
+from uavgram.views.site_plan import PlanContent, PlanFiles, SheetPicture, plan_pages
 from uavgram.views.style import INK
 from uavgram.views.survey.drawing import BLACK
 from uavgram.views.survey.figure import MM_OF_POINT, draw_figure
@@ -231,7 +231,7 @@ def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
         west_m=sheet.west_m + 2.0, north_m=sheet.north_m - 3.0, pixel_m=0.5, width=20, height=10,
         crs=None,
     )  # fmt: skip
-    drawn = plan_pages(replace(wanted, pictures=lambda *_: GroundPicture(red, raster)))
+    drawn = plan_pages(replace(wanted, pictures=lambda *_: SheetPicture(red, raster)))
     shown = np.asarray(Image.open(io.BytesIO(drawn.png)).convert("RGB")).astype(int)
     rows, columns = np.nonzero((shown - [255, 0, 0] == 0).all(axis=2))
     mm = 25.4 / 200

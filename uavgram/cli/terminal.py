@@ -18,7 +18,7 @@ from uavgram.model.naming import METRIC, Units
 
 if TYPE_CHECKING:
     from uavgram.model.result.result import Result
-    from uavgram.pipeline.progress import Progress
+    from uavgram.pipeline.parallel import Progress
 
 Item = TypeVar("Item")
 
@@ -152,7 +152,7 @@ class _UnitFormatter(logging.Formatter):
 
 def progress() -> Progress:
     """Return progress bars on a terminal, nothing elsewhere."""
-    from uavgram.pipeline.progress import silent
+    from uavgram.pipeline.parallel import silent
 
     if _QUIET.get() or not sys.stderr.isatty():
         return silent

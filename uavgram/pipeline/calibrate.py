@@ -44,7 +44,7 @@ from uavgram.model.board import (
     PhotoReason,
 )
 from uavgram.model.camera import Calibration, CameraProvenance, CameraTags, OptionValue
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.pipeline.versions import package_versions, stamp
 from uavgram.stages.calibrate.assessment import (

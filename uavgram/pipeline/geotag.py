@@ -18,7 +18,7 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.exports import make_geotags
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.geotags import geotag as make_tags

@@ -1,14 +1,40 @@
-"""Parallel work on all cores, only a little ahead of the consumer."""
+"""Parallel work on all cores, only a little ahead of the consumer, and progress of long loops."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from uavgram.errors import UavgramError
+from uavgram.model.work import report_work
 from uavgram.pipeline.process_settings import cores
+
+
+class Progress(Protocol):
+    """Function that passes on `items`; `what` names the work, `total` counts it."""
+
+    def __call__(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
+        """Yield items, one by one, as they are taken."""
+
+
+def silent(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
+    """Pass on the items and show nothing; a watcher of this thread learns of each.
+
+    Parameters
+    ----------
+    items
+        Any items.
+    what
+        Name of the work.
+    total
+        Number of items.
+    """
+    for k, item in enumerate(items):
+        report_work(f"{what}: {k + 1} of {total}")
+        yield item
+
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")

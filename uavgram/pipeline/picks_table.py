@@ -20,7 +20,7 @@ from uavgram.model.options import TIES_FILE, Project
 from uavgram.model.survey import NO_TIES, TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, check_ties, read_inputs, ties_path
 from uavgram.pipeline.measure.tie_points import find_project_ties, pose_before_ties
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 

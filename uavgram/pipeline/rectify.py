@@ -28,7 +28,7 @@ from uavgram.model.message import Message
 from uavgram.pipeline.ground_picture import warp_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster

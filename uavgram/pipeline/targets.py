@@ -31,9 +31,8 @@ from uavgram.pipeline.match.patch_search import Photos, load_grey_photos
 from uavgram.pipeline.match.search import search_all_photos
 from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, find_project_duplicates, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.parallel import Progress, prefetch, silent
 from uavgram.pipeline.picks_table import lock_tables, save_picks
-from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.match import Pair, Record
 from uavgram.stages.messages import order_messages

@@ -23,8 +23,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.frames import Poses
 from uavgram.model.survey import TiePicks
-from uavgram.pipeline.parallel import prefetch
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, prefetch, silent
 from uavgram.stages.tie import (
     LEAST_SHARE,
     Matches,

@@ -24,7 +24,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.limits import number_text
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.run import run
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.synthetic.accident_scene import SAMPLE_MARK, TAPE_FILE, is_sample
 from uavgram.synthetic.rendering import render_photos

@@ -15,8 +15,7 @@ from uavgram.errors import UavgramError, suggest_spelling
 from uavgram.io.json_codec import Json, encode
 from uavgram.io.outputs import stage_output
 from uavgram.model.simulation import SOURCES, MethodRow, Study
-from uavgram.pipeline.parallel import run_in_processes
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, run_in_processes, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.pose_methods import LIMIT_SETTINGS, compare_methods
 from uavgram.synthetic.single_photos import Setting, StudyCell, StudyScene, simulate_cell

@@ -337,14 +337,14 @@ _FONTS: Any = {"pdf.fonttype": 42, "path.simplify": False, "font.family": "DejaV
 
 
 @dataclass(frozen=True, eq=False)
-class GroundPicture:
+class SheetPicture:
     """Photo mosaic of the ground of a sheet: (H, W, 4) RGB and opacity, and its place."""
 
     rgba: Pixels
     raster: GroundRaster
 
 
-Pictures = Callable[[Plan, PlanSheet], GroundPicture | None]
+Pictures = Callable[[Plan, PlanSheet], SheetPicture | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -495,7 +495,7 @@ def _on_paper(length_mm: float, *, is_metric: bool) -> str:
     return f" ({words} on paper)"
 
 
-def _show(page: PlanPage, picture: GroundPicture) -> None:
+def _show(page: PlanPage, picture: SheetPicture) -> None:
     """Put the picture under the drawing; areas without photos are white."""
     raster = picture.raster
     opacity = picture.rgba[..., 3:].astype(np.uint16)

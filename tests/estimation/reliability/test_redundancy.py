@@ -31,7 +31,7 @@ from uavgram.estimation.survey.readjustment import refit
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.stages.judge.priors import compute_prior_residuals
+from uavgram.stages.judge.unchecked import compute_prior_residuals
 from uavgram.stages.refine import refine
 
 CASES: dict[str, dict[str, Any]] = {

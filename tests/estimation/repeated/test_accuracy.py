@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest, chi2, ttest_1samp
 
-from uavgram.estimation.repeated.accuracy import (
+from uavgram.model.arrays import Floats
+from uavgram.model.simulation import Repetitions
+from uavgram.synthetic.simulate import (
     compute_accuracy,
     compute_running_ratio,
     compute_share_intervals,
 )
-from uavgram.model.arrays import Floats
-from uavgram.model.simulation import Repetitions
 
 
 def repetitions(error: Floats, sigma: float = 1.0, *, lost: tuple[int, ...] = ()) -> Repetitions:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from uavgram.estimation.reliability.variance_components import WeightedProblem
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.solver.sparse.structure import Structure
-from uavgram.estimation.solver.weighted import WeightedProblem
 from uavgram.model.arrays import Floats
 
 SIZE = 6

@@ -12,8 +12,15 @@ import synthetic_survey
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
 from uavgram.imaging.top_view.brightness import DENSE_PHOTOS, Light, estimate_gains
-from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
-from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, choose_frames, find_boxes_below
+from uavgram.imaging.top_view.mosaic import (
+    Box,
+    Cameras,
+    Grid,
+    GroundTexture,
+    Mosaic,
+    choose_frames,
+    find_boxes_below,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 

@@ -12,8 +12,7 @@ from calibration_accounts import make_account, make_previews
 from uavgram.model.board import CalibrationAccount, CalibrationOptions
 from uavgram.views.calibration import drawings as calibration_maps
 from uavgram.views.calibration.drawings import tilt_directions, uncertainty_shares
-from uavgram.views.calibration.report import render_calibration_report
-from uavgram.views.calibration.text import calibration_lines
+from uavgram.views.calibration.report import calibration_lines, render_calibration_report
 from uavgram.views.calibration.verdict import judge_calibration
 
 

@@ -116,7 +116,7 @@ def _convert(read: CameraRead, crop: str | None, size: str | None) -> CameraRead
 def _show(read: CameraRead) -> list[str]:
     from uavgram.geometry.camera.properties import compute_camera_properties
     from uavgram.pipeline.cameras import focal_on_sensor_mm
-    from uavgram.views.calibration.text import camera_lines
+    from uavgram.views.calibration.report import camera_lines
     from uavgram.views.terminal import message_lines
 
     lines = camera_lines(
@@ -133,7 +133,7 @@ def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bo
     from uavgram.cli.json_objects import difference_object
     from uavgram.estimation.calibration.projection import compare_cameras
     from uavgram.pipeline.cameras import read_camera
-    from uavgram.views.calibration.text import difference_lines
+    from uavgram.views.calibration.report import difference_lines
     from uavgram.views.terminal import message_lines
 
     second = read_camera(other)
@@ -203,7 +203,7 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     from uavgram.model.board import CalibrationOptions
     from uavgram.pipeline.calibrate import FOLDER
     from uavgram.pipeline.calibrate import calibrate as make
-    from uavgram.views.calibration.text import calibration_lines
+    from uavgram.views.calibration.report import calibration_lines
 
     options = CalibrationOptions(
         model=model,

@@ -7,7 +7,8 @@ S g (law of propagation, JCGM 100:2008, 5.1.2).
 
 A point off the surface that was assumed for it, and a tape that is wrong beyond its prior, move a
 value through the whole adjustment: with a change e of the whitened residuals, the unknowns move by
--S J^T e (as in stages/linear_update.py), the value by -(S g)^T J^T e. S g is known for every value.
+-S J^T e (as in pipeline/pick/live_survey.py), the value by -(S g)^T J^T e. S g is known for every
+value.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.stages.camera import UNKNOWN_CAMERA
 from uavgram.synthetic.accident_scene import PAINTED_LABELS, TAPE_FILE, is_sample
-from uavgram.views.calibration.text import fact_lines, provenance_lines
+from uavgram.views.calibration.report import fact_lines, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, parameter_table, percent
 from uavgram.views.flight_plan import LineRow, PlateRow, line_rows, plate_rows, plate_side
 from uavgram.views.units import convert_sentence

@@ -19,8 +19,7 @@ from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats, Ints, rows_of
-from uavgram.pipeline.parallel import prefetch
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, prefetch, silent
 
 MAX_BYTES = 1_000_000_000
 """Memory for decoded photos [bytes]: fifty of 20 megapixels."""

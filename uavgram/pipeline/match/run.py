@@ -26,8 +26,8 @@ from uavgram.pipeline.match.selection import (
 )
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.picks_table import lock_tables, save_picks
-from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.match import Matches, Pair, measure_rotation_rad
 

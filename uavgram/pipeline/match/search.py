@@ -39,7 +39,7 @@ from uavgram.pipeline.match.patch_search import (
 )
 from uavgram.pipeline.match.places_by_features import FeaturePlaces
 from uavgram.pipeline.match.selection import list_labels_without_height
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.stages.match import (
     CONTRADICTED,
     EVEN_ODDS,

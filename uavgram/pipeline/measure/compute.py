@@ -57,7 +57,7 @@ from uavgram.pipeline.measure.observations import (
 )
 from uavgram.pipeline.measure.pose import PosedFrames, pose_frames, transform_known
 from uavgram.pipeline.versions import package_versions, stamp
-from uavgram.stages.assemble import Assembled, assemble
+from uavgram.stages.assemble import Assembled, apply_reading_step, assemble
 from uavgram.stages.camera import ASSUMED_CAMERA, UNKNOWN_CAMERA, report_learnt_camera
 from uavgram.stages.duplicates import Duplicates
 from uavgram.stages.judge import (
@@ -94,7 +94,6 @@ from uavgram.stages.measure import (
 )
 from uavgram.stages.messages import downgrade_explained, order_messages
 from uavgram.stages.monte_carlo import compare, sample_observations
-from uavgram.stages.reading_steps import apply_reading_step
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings

@@ -22,7 +22,7 @@ from uavgram.model.work import report_work
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.tie_points import add_found_ties, are_ties_missing, pose_before_ties
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.summarise import tie_cloud
 

@@ -14,7 +14,7 @@ from uavgram.model.options import TIES_FOUND
 from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, ties_path
 from uavgram.pipeline.measure.pose import PosedFrames, list_unposed, pose_frames
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.stages.synchronise.event_times import has_events
 from uavgram.stages.tie import report_ties
 

@@ -11,6 +11,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from uavgram.estimation.measuring.propagation import compute_values
 from uavgram.estimation.measuring.scale import LineAdvice, find_next_line
 from uavgram.estimation.survey.adjustment import Adjustment, compute_heights_at
 from uavgram.estimation.survey.observations.lengths import select_taped_known
-from uavgram.estimation.survey.unknowns import State
+from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.io.photos.catalogue import UnusablePhotosError
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownLines, MeasurementRequest, Picks
@@ -37,9 +38,60 @@ from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides
 from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
 from uavgram.pipeline.threads import limit_blas_threads
-from uavgram.stages.linear_update import update_linearly
 from uavgram.stages.match import Found, Pair
 from uavgram.stages.measure import compute_profiles
+
+
+class FirstOrderStep(NamedTuple):
+    """Survey after one step of the linear model.
+
+    Attributes
+    ----------
+    state
+        State of all unknowns.
+    residual_px
+        (P, 2) of the picks: projection minus the new pick.
+    world_m
+        (K, 3) points.
+    """
+
+    state: State
+    residual_px: Floats
+    world_m: Floats
+
+
+def update_linearly(adjustment: Adjustment, pixel_px: Floats, length_m: Floats) -> FirstOrderStep:
+    """Update an adjustment to other readings, by its factorised normal equations.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    pixel_px
+        (P, 2) its picks after the change.
+    length_m
+        (n,) its participating lengths after the change.
+    """
+    survey, blocks, problem = adjustment.survey, adjustment.minimum.blocks, adjustment.problem
+    errors = {"pixels": (pixel_px - survey.pixel_px) / survey.pick_sigma_px[:, None]}
+    if len(problem.line_index):
+        used = problem.line_index
+        change = (length_m - survey.length_m[used]) / survey.length_sigma_m[used]
+        errors["lengths"] = change[:, None]
+    size = problem.layout.size
+    # Step = N^-1 J^T e, with the changes e of the whitened readings.
+    right = np.zeros(size)
+    for name, error in errors.items():
+        moved = np.einsum("nr,nrk->nk", error, blocks[name].jacobian)
+        right += np.bincount(blocks[name].columns.ravel(), moved.ravel(), size)
+    step = adjustment.minimum.factor.solve(right)
+    state = advance_state(problem.layout, adjustment.state, step)
+    pixels = blocks["pixels"]
+    follow = np.einsum("nrk,nk->nr", pixels.jacobian, step[pixels.columns])
+    residual = pixels.residual + follow - errors["pixels"]
+    world, _, _ = problem.world_points(state, np.arange(problem.layout.points))
+    return FirstOrderStep(state, residual * survey.pick_sigma_px[:, None], world)
+
 
 NOTHING_PICKED = (
     "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "

@@ -19,8 +19,10 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
-from uavgram.geometry.ground.row_projection import RowPoses
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.camera import Calibration
 from uavgram.model.frames import Poses
 from uavgram.model.observations import KnownWorldPoints, Picks
 from uavgram.model.survey import World
@@ -41,7 +43,50 @@ from uavgram.stages.match import (
 from uavgram.stages.products.map_layers import select_shown_poses
 from uavgram.stages.products.planned_layers import find_planned_origin
 from uavgram.stages.refine.readjustment import MorePicks, add_picks
-from uavgram.stages.same_ground import find_same_ground as ground_in_photos
+
+STEP_PX = 8.0
+"""Pixel step for the scale between two photos."""
+
+
+def find_same_ground(
+    calibration: Calibration,
+    poses: RowPoses,
+    plane: tuple[Floats, Floats],
+    photo: int,
+    pixel_px: tuple[float, float],
+) -> tuple[Floats, Floats]:
+    """Project the ground under a pixel of one photo to all photos.
+
+    Parameters
+    ----------
+    calibration
+        Calibration of the camera.
+    poses
+        (F,) poses of the photos.
+    plane
+        Height [m] and slopes (3,) of the ground, and the pivot (2,) of the slopes [m].
+    photo
+        Row of the photo in `poses`.
+    pixel_px
+        The pixel in it.
+
+    Returns
+    -------
+    pixel_px : (F, 2)
+        Perhaps outside the photo; NaN where it does not see the ground.
+    scale : (F,)
+        Number of pixels of each photo for one pixel of the first.
+    """
+    near = np.array(pixel_px) + STEP_PX * np.array([[0, 0], [1, 0], [0, 1]])
+    lens = calibration.parameters
+    here = RowPoses(*(part[photo] for part in poses))
+    world = intersect_ground(*sight_lines(calibration, lens, here, near), *plane)
+    pixel = project_rows(
+        calibration, lens, RowPoses(*(part[:, None] for part in poses)), world[None]
+    )
+    along = (pixel[:, 1:] - pixel[:, :1]) / STEP_PX
+    with np.errstate(invalid="ignore"):  # NaN where a photo does not see the ground
+        return pixel[:, 0], np.sqrt(np.abs(np.linalg.det(along)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +193,7 @@ def project_ground(
         plane = last.adjustment.state.plane[:3], last.adjustment.problem.pivot_m[0]
     photo = poses.frame_id.index(image)
     of_rows = RowPoses(poses.center_world_m, poses.world_from_camera, sweep)
-    pixel, scale = ground_in_photos(survey.inputs.calibration, of_rows, plane, photo, pixel_px)
+    pixel, scale = find_same_ground(survey.inputs.calibration, of_rows, plane, photo, pixel_px)
     return {
         name: (float(u), float(v), float(ratio))
         for name, (u, v), ratio in zip(poses.frame_id, pixel, scale, strict=True)

@@ -21,7 +21,7 @@ from uavgram.model.frames import Frames, PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.naming import format_photo_count
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.stated_mount import apply_stated_mount
+from uavgram.stages.seed.mount import apply_stated_mount
 
 HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M = 3.0, 3.0
 TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0

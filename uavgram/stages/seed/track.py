@@ -29,7 +29,7 @@ from uavgram.model.flight_log import (
 )
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.stated_mount import apply_stated_mount, report_stated_mount
+from uavgram.stages.seed.mount import apply_stated_mount, report_stated_mount
 
 _NONE = np.zeros(0), np.zeros((0, 3))
 

@@ -22,7 +22,7 @@ from uavgram.model.planned import (
     PlanRequest,
     ReferenceKind,
 )
-from uavgram.pipeline.progress import Progress
+from uavgram.pipeline.parallel import Progress
 from uavgram.synthetic.plan.flights import Flight, find_visible, make_flight, remove_small_plates
 from uavgram.synthetic.plan.layouts import (
     ChosenLines,

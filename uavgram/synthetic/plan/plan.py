@@ -29,7 +29,7 @@ from uavgram.model.planned import (
     PlannedPoints,
     PlannedSite,
 )
-from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.products.planned_layers import flight_mission, plan_layers
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint

@@ -1,15 +1,22 @@
-"""calibration.html: one self-contained page on a camera, for screen and paper."""
+"""calibration.html: one self-contained page on a camera; and cameras as text for a terminal."""
 
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
+from uavgram.estimation.calibration.projection import CameraDifference
+from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.imaging.photos.preview import shrink_jpeg
+from uavgram.model.arrays import Floats
 from uavgram.model.board import Board, CalibrationAccount, CalibrationResult, LensEffect
+from uavgram.model.camera import Calibration, CameraProvenance
 from uavgram.views.calibration.drawings import (
+    SQRT2,
     coverage_map,
     length_map,
     residual_map,
@@ -17,7 +24,6 @@ from uavgram.views.calibration.drawings import (
     tilt_dial,
     uncertainty_map,
 )
-from uavgram.views.calibration.text import photo_table
 from uavgram.views.calibration.verdict import (
     calibration_facts,
     judge_calibration,
@@ -26,10 +32,235 @@ from uavgram.views.calibration.verdict import (
     odd_corners,
     parameter_table,
     percent,
+    pixels_text,
 )
 from uavgram.views.formatting import chance, number
 from uavgram.views.pages import page
-from uavgram.views.tables import Cell, Table, make_table
+from uavgram.views.tables import Cell, Row, Table, align_columns, format_table, make_table
+from uavgram.views.terminal import message_lines
+
+_MAP_COLUMNS, _MAP_ROWS = 7, 5
+NINETY_FIVE = 2.4477  # limit of a two-dimensional normal error, in sigmas
+
+
+def camera_lines(
+    calibration: Calibration,
+    facts: CameraProperties,
+    provenance: CameraProvenance | None = None,
+    focal_mm: float | None = None,
+) -> list[str]:
+    """List the parameters with sigmas and correlations, and the facts that follow from them.
+
+    Parameters
+    ----------
+    calibration, facts
+        The camera, and the facts derived from it.
+    provenance
+        Origin of the file, if recorded.
+    focal_mm
+        Focal length on the sensor, if the sensor is known.
+    """
+    size = f"{calibration.width_px} x {calibration.height_px} px"
+    return [
+        f"{calibration.name}: {calibration.model} lens, {size}",
+        *([] if provenance is None else provenance_lines(provenance)),
+        "",
+        format_table(parameter_table(calibration)),
+        "",
+        "correlations",
+        align_columns(
+            _correlation_cells(calibration, facts.correlation), right=tuple(range(1, 13))
+        ),
+        "",
+        *fact_lines(facts, focal_mm),
+    ]
+
+
+def provenance_lines(provenance: CameraProvenance) -> list[str]:
+    """Describe the origin of a camera file."""
+    lines = [
+        f"made by {provenance.program} {provenance.version}, {provenance.created_utc}: "
+        f"{provenance.source}"
+    ]
+    if provenance.inputs:
+        lines.append(f"from {len(provenance.inputs)} files, the first {provenance.inputs[0].path}")
+    if provenance.board:
+        lines.append(f"board: {provenance.board}")
+    if provenance.variance_factor is not None:
+        lines.append(f"variance factor {provenance.variance_factor:.3f}")
+    return lines
+
+
+def _correlation_cells(calibration: Calibration, correlation: Floats) -> list[tuple[str, ...]]:
+    """Return the lower triangle of the correlations; the diagonal is omitted."""
+    names = calibration.parameter_names
+    rows = [
+        (name, *(number(value, 2, signed=True) for value in correlation[i, :i].tolist()))
+        for i, name in enumerate(names)
+    ]
+    filled = [row + ("",) * (len(names) - len(row)) for row in rows[1:]]
+    return [("", *names[:-1]), *filled]
+
+
+def fact_lines(facts: CameraProperties, focal_mm: float | None) -> list[str]:
+    """Describe the parameters as angles, millimetres and pixels."""
+    wide, high, diagonal = (number(math.degrees(angle), 2) for angle in facts.field_of_view_rad)
+    on_sensor = "" if focal_mm is None else f", {focal_mm:.3f} mm on its sensor"
+    offset = (
+        f"({number(x, 2, signed=True)} ± {sigma:.2f})"
+        for x, sigma in zip(
+            facts.centre_offset_px.tolist(), facts.centre_sigma_px.tolist(), strict=True
+        )
+    )
+    corners = ", ".join(number(d, 1, signed=True) for d in facts.corner_distortion_px.tolist())
+    lines = [
+        f"field of view      {wide} x {high} degrees, diagonal {diagonal}",
+        f"focal length       {facts.equivalent_mm:.1f} mm on 35 mm film{on_sensor}",
+        f"principal point    {' '.join(offset)} px from the image's centre",
+        f"distortion         {corners} px at the corners (outward is positive)",
+    ]
+    if facts.fold_rad < math.pi / 2:
+        lines.append(
+            f"folds back         {math.degrees(facts.fold_rad):.1f} degrees from the optical axis"
+            f" ({facts.share_without_rays:.1%} of the image has no rays)"
+        )
+    else:
+        lines.append("folds back         nowhere")
+    return lines
+
+
+def difference_lines(
+    first: Calibration, second: Calibration, difference: CameraDifference
+) -> list[str]:
+    """Describe the difference in projection of two cameras and its significance.
+
+    Parameters
+    ----------
+    first, second
+        The cameras.
+    difference
+        The second minus the first.
+    """
+    turn = ", ".join(number(math.degrees(angle), 4) for angle in difference.rotation_rad)
+    worst = int(np.argmax(difference.size_px))
+    u, v = difference.pixel_px[worst].tolist()
+    lines = [
+        f"{second.name} minus {first.name}, projected over the image of the first",
+        f"after the turn that fits best: ({turn}) degrees about the camera's x, y, z",
+    ]
+    if difference.center_shift.any():
+        shift = ", ".join(number(x, 4, signed=True) for x in difference.center_shift)
+        lines.append(f"and the shift that fits best: ({shift}) in the unit of the distance")
+    lines += [
+        "",
+        f"rms {difference.rms_px:.3f} px, largest {difference.max_px:.3f} px at "
+        f"({u:.0f}, {v:.0f}); {difference.share_seen:.1%} of the image is seen by both",
+        *_significance(difference),
+        "",
+        "size of the difference [px] over the image",
+        align_columns(_map_cells(first, difference), right=tuple(range(_MAP_COLUMNS + 1))),
+    ]
+    return lines
+
+
+def _significance(difference: CameraDifference) -> list[str]:
+    expected = difference.expected_rms_px
+    if expected == 0:
+        return ["neither file states errors, so the significance of the difference is unknown"]
+    far = float(np.mean(difference.z > NINETY_FIVE))
+    return [
+        f"expected from both files' errors: rms {expected:.3f} px, so the difference is "
+        f"{difference.rms_px / expected:.2f} sigmas (rms), {difference.z.max():.2f} at most",
+        f"{far:.1%} of the image is outside its own 95 % ellipse (if the files are independent)",
+    ]
+
+
+def _map_cells(first: Calibration, difference: CameraDifference) -> list[tuple[str, ...]]:
+    """Average the size of the difference around a raster of pixels (u across, v down)."""
+    size = np.array([first.width_px, first.height_px])
+    raster = np.array([_MAP_COLUMNS, _MAP_ROWS])
+    column, row = np.minimum(
+        ((difference.pixel_px + 0.5) / size * raster).astype(int), raster - 1
+    ).T
+    index = row * _MAP_COLUMNS + column
+    count = np.bincount(index, minlength=_MAP_COLUMNS * _MAP_ROWS)
+    total = np.bincount(index, difference.size_px, minlength=len(count))
+    mean = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
+    u, v = ((np.arange(n) + 0.5) * length / n for n, length in zip(raster, size, strict=True))
+    rows = [
+        (f"{height:.0f}", *(number(value, 2) for value in line))
+        for height, line in zip(v, mean.reshape(_MAP_ROWS, _MAP_COLUMNS).tolist(), strict=True)
+    ]
+    return [("v \\ u", *(f"{across:.0f}" for across in u)), *rows]
+
+
+MAX_PHOTOS = 8
+
+
+def calibration_lines(account: CalibrationAccount) -> list[str]:
+    """Format the result of `uavgram calibrate`."""
+    result = account.result
+    camera, verdict = result.calibration, judge_calibration(account)
+    facts = calibration_facts(account)
+    width = max(len(question) for question, _ in facts)
+    return [
+        f"{camera.name}: {camera.model} lens, {camera.width_px} x {camera.height_px} px",
+        "",
+        format_table(parameter_table(camera)),
+        "",
+        verdict.sentence,
+        verdict.counts,
+        "",
+        *(f"{question:<{width}}  {answer}" for question, answer in facts),
+        "",
+        *_photo_lines(result),
+        "",
+        *message_lines(account.messages),
+    ]
+
+
+PHOTO_WORDS = {"used": "used", "suspect": "SUSPECT", "removed": "removed"}
+NO_PICTURES: Mapping[str, str] = MappingProxyType({})
+
+
+def photo_table(result: CalibrationResult, pictures: Mapping[str, str] = NO_PICTURES) -> Table:
+    """Return the photos, those that fit worst first.
+
+    Parameters
+    ----------
+    result
+        The calibration.
+    pictures
+        Addresses of small pictures by file.
+    """
+    photos, rows, table = result.photos, rows_by_photo(result), []
+    for k in np.argsort(-photos.rms_px, kind="stable").tolist():
+        file = photos.file[k]
+        status = [result.corners.status[i] for i in rows[file]]
+        odd = len(status) - status.count("used")
+        cells = (
+            Cell(file, picture=pictures.get(file, "")),
+            f"{len(status)}" + (f", {odd} odd" if odd else ""),
+            pixels_text(photos.rms_px[k] / SQRT2),
+            pixels_text(photos.held_out_px[k]),
+            f"{photos.tilt_deg[k]:.0f}°",
+            f"{float(np.linalg.norm(photos.poses.center_world_m[k])):.2f} m",
+            ": ".join(filter(None, (PHOTO_WORDS[photos.status[k]], photos.reason[k]))),
+        )
+        table.append(Row(cells, photos.status[k] != "used"))
+    return make_table(
+        "photo | >corners | >residual [px] | >when left out [px] | >tilt | >distance | status",
+        table,
+    )
+
+
+def _photo_lines(result: CalibrationResult) -> list[str]:
+    """List the photos that fit worst, the worst first; the report has them all."""
+    table = photo_table(result)
+    more = len(table.rows) - MAX_PHOTOS
+    note = [f"and {more} photos that fit better"] if more > 0 else []
+    return [*format_table(table._replace(rows=table.rows[:MAX_PHOTOS])).splitlines(), *note]
+
 
 PICTURE_WIDTH_PX = 300
 MAX_ODD = 60

@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 from tied_flights import Conditions, TiedFlight, tied_flight
 
-from uavgram.estimation.first_poses.tied.minimal_solvers import (
-    compute_essential_matrices,
-    solve_three_points,
-)
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses, resect_photo
 from uavgram.estimation.first_poses.tied.two_views import (
     compute_epipolar_angles,
+    compute_essential_matrices,
     decompose_essential,
     estimate_relative_poses,
     estimate_rotation,
+    solve_three_points,
     transfer_poses,
 )
 from uavgram.geometry.motion.rotation import exp_so3, hat

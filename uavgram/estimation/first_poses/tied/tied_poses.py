@@ -9,8 +9,11 @@ import numpy as np
 from uavgram.estimation.first_poses.first_values import intersect_rays
 from uavgram.estimation.first_poses.resection import compute_across_axes, make_ray_problem
 from uavgram.estimation.first_poses.tied.bundle import Scene, TiedPoses, TiedRays, adjust_scene
-from uavgram.estimation.first_poses.tied.minimal_solvers import solve_three_points
-from uavgram.estimation.first_poses.tied.two_views import estimate_relative_poses, find_best_turn
+from uavgram.estimation.first_poses.tied.two_views import (
+    estimate_relative_poses,
+    find_best_turn,
+    solve_three_points,
+)
 from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_trimmed
 from uavgram.model.arrays import Bools, Floats, Ints
 
