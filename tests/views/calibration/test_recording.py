@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from calibration_accounts import make_account, make_previews
+from PIL import Image
 from rerun.chunk import Chunk, RrdReader
 
 from uavgram.errors import OutputError
@@ -53,8 +55,7 @@ def test_all_that_is_promised_is_there(chunks: dict[str, list[Chunk]]) -> None:
         "/around_the_board/board", "/around_the_board/cameras", "/around_the_board/current_camera",
         "/before_the_camera/boards", "/before_the_camera/this_board", PHOTO, f"{PHOTO}/picture",
         f"{PHOTO}/corners", f"{PHOTO}/corners_odd", f"{PHOTO}/residual_exaggerated",
-        "/maps/coverage/cells", "/maps/coverage/numbers", "/maps/residuals/mean",
-        "/maps/uncertainty/cells", "/maps/uncertainty/numbers", "/plots/residual/adjusted",
+        "/maps/coverage", "/maps/residuals", "/maps/uncertainty", "/plots/residual/adjusted",
         "/plots/residual/left_out", "/plots/tilt/tilt", "/photo_status", "/documents/summary",
         "/documents/camera", "/documents/photo",
     } <= set(chunks)  # fmt: skip
@@ -91,11 +92,16 @@ def test_boards_before_the_camera_project_into_the_photo(
         assert (pixel[k].max(axis=0) > found.max(axis=0) - rough).all()
 
 
-def test_numbers_of_the_maps_are_the_results(
+def test_maps_are_those_of_the_report_in_the_shape_of_the_photos(
     chunks: dict[str, list[Chunk]], account: CalibrationAccount
 ) -> None:
-    labels = column(chunks, "/maps/coverage/numbers", "labels")[0]
-    assert labels == [str(n) for n in account.result.maps.corners.ravel().tolist()]
+    camera = account.result.calibration
+    for path in ("/maps/coverage", "/maps/residuals", "/maps/uncertainty"):
+        (blob,) = column(chunks, path, "blob")[0]
+        with Image.open(io.BytesIO(np.array(blob, np.uint8).tobytes())) as picture:
+            width, height = picture.size
+        assert width / height == pytest.approx(camera.width_px / camera.height_px, rel=1e-2)
+        assert width > 1000
 
 
 def test_pages_name_every_parameter_and_every_photo(

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
 
 from uavgram.geometry.camera.projection import back_project
 from uavgram.imaging.photos.preview import Preview
@@ -20,10 +22,13 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.board import CalibrationAccount, CalibrationResult
 from uavgram.views.calibration.drawings import (
     SQRT2,
+    WIDTH,
+    coverage_map,
     mean_residual_factor,
     residual_factor,
+    residual_map,
     rows_by_photo,
-    uncertainty_shares,
+    uncertainty_map,
 )
 from uavgram.views.calibration.verdict import (
     calibration_facts,
@@ -37,7 +42,7 @@ from uavgram.views.calibration.verdict import (
 from uavgram.views.formatting import number
 from uavgram.views.recording.blueprint import layout, page_views, picture_view, plot, space_view
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
-from uavgram.views.recording.stream import CENTRE_PX, Recorder, open_recording
+from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.style import (
     BAD,
     GOOD,
@@ -47,8 +52,8 @@ from uavgram.views.style import (
     REFINED,
     SEED,
     Rgb,
-    scale_colours,
 )
+from uavgram.views.survey.figure import draw_figure
 from uavgram.views.tables import Cell, Cells, make_table, markdown, plain
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
@@ -122,79 +127,21 @@ def photo_sheet(result: CalibrationResult, k: int) -> str:
 
 
 COVERAGE, RESIDUALS, UNCERTAINTY = "maps/coverage", "maps/residuals", "maps/uncertainty"
-
-_EMPTY = np.array([120.0, 40, 40])
-_FEW, _MANY = np.array([28.0, 52, 78]), np.array([70.0, 150, 225])
-UNLIKELY = 0.001
+MAP_DPI = 72.0
+"""Dots on an inch of the maps, whose units are millimetres: about 1,500 across."""
 
 
 def log_image_maps(recorder: Recorder, result: CalibrationResult) -> None:
-    """Log the three maps, in original pixels."""
-    _coverage(recorder, result)
-    _residuals(recorder, result)
-    _uncertainty(recorder, result)
-
-
-def _coverage(recorder: Recorder, result: CalibrationResult) -> None:
-    count = result.maps.corners
-    strength = np.log1p(count) / np.log1p(max(int(count.max()), 1))
-    colour = _FEW + strength[..., None] * (_MANY - _FEW)
-    colour[count == 0] = _EMPTY
-    _cells(recorder, COVERAGE, result, colour)
-    recorder.dots(f"{COVERAGE}/corners", result.corners.pixel_px + CENTRE_PX, OBSERVED, 1.2)
-    _numbers(recorder, COVERAGE, result, [str(n) for n in count.ravel().tolist()])
-
-
-def _residuals(recorder: Recorder, result: CalibrationResult) -> None:
-    corners, maps = result.corners, result.maps
-    factor = mean_residual_factor(result)
-    used = np.array([status != "removed" for status in corners.status])
-    start = corners.pixel_px[used]
-    _strips(recorder, "corners", start, start + factor * corners.residual_px[used], QUIET, 0.7)
-    start, shift = maps.cell_px.reshape(-1, 2), maps.residual_px.reshape(-1, 2)
-    known = np.isfinite(shift[:, 0])
-    odd = known & (maps.residual_probability.ravel() < UNLIKELY)
-    for name, mask, colour in (("mean", known & ~odd, REFINED), ("mean_improbable", odd, BAD)):
-        _strips(recorder, name, start[mask], (start + factor * shift)[mask], colour, 2.6)
-        recorder.dots(f"{RESIDUALS}/{name}_start", start[mask] + CENTRE_PX, colour, 2.2)
-
-
-def _strips(
-    recorder: Recorder,
-    name: str,
-    start: Floats,
-    end: Floats,
-    colour: tuple[int, int, int],
-    width: float,
-) -> None:
-    strips = np.stack([start, end], axis=1) + CENTRE_PX
-    recorder.lines(f"{RESIDUALS}/{name}", strips, colour, width)
-
-
-def _uncertainty(recorder: Recorder, result: CalibrationResult) -> None:
-    values = result.maps.uncertainty_px
-    share, _, _ = uncertainty_shares(values)
-    colour = scale_colours(1 - share.ravel()).reshape(*values.shape, 3).astype(np.float64)
-    _cells(recorder, UNCERTAINTY, result, 0.72 * colour)  # darker: white numbers are legible
-    _numbers(recorder, UNCERTAINTY, result, [pixels_text(v) for v in values.ravel().tolist()])
-
-
-def _cells(recorder: Recorder, path: str, result: CalibrationResult, colour: Floats) -> None:
-    """Log a picture of one pixel per cell, scaled to the size of the image."""
-    rows, columns = colour.shape[:2]
-    camera = result.calibration
-    recorder.static(
-        f"{path}/cells",
-        rr.Image(
-            np.round(colour).astype(np.uint8), color_model="RGB", draw_order=-10.0,
-            magnification_filter="nearest",
-        ),
-        rr.Transform3D(scale=[camera.width_px / columns, camera.height_px / rows, 1.0]),
-    )  # fmt: skip
-
-
-def _numbers(recorder: Recorder, path: str, result: CalibrationResult, texts: list[str]) -> None:
-    recorder.texts(f"{path}/numbers", result.maps.cell_px.reshape(-1, 2) + CENTRE_PX, texts)
+    """Log the three maps of the report as pictures."""
+    for path, figure in (
+        (COVERAGE, coverage_map(result)),
+        (RESIDUALS, residual_map(result)),
+        (UNCERTAINTY, uncertainty_map(result)),
+    ):
+        canvas = FigureCanvasAgg(draw_figure(figure.drawing))
+        canvas.figure.set_dpi(MAP_DPI)
+        canvas.draw()
+        recorder.picture(path, Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
 
 
 AROUND = "around_the_board"
@@ -477,16 +424,20 @@ def _eye(points_m: Floats, way: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView:
-    """Show the image with a margin, so that its edges are seen."""
-    width, height = result.calibration.width_px, result.calibration.height_px
-    edge = MARGIN * width
-    return picture_view(f"/{origin}", name, (-edge, width + edge), (-edge, height + edge))
+    """Show one of the maps, which have the shape of the photos."""
+    camera = result.calibration
+    width = MAP_DPI / 25.4 * WIDTH
+    return picture_view(
+        f"/{origin}", name, (0.0, width), (0.0, width * camera.height_px / camera.width_px)
+    )
 
 
 def _photo(result: CalibrationResult) -> rrb.Spatial2DView:
     factor = residual_factor(result)
     name = f"Photo: corners green, their misses ×{factor} orange, odd ones red"
-    return _map(result, PHOTO, name)
+    width, height = result.calibration.width_px, result.calibration.height_px
+    edge = MARGIN * width  # so that the edges of the photo are seen
+    return picture_view(f"/{PHOTO}", name, (-edge, width + edge), (-edge, height + edge))
 
 
 def _plots(result: CalibrationResult) -> list[rrb.TimeSeriesView]:
