@@ -11,14 +11,12 @@ import numpy as np
 from uavgram.estimation.clocks.clock_line import convert_boot_to_utc
 from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import (
-    BootClock,
     BootSummary,
     CameraEvents,
     EstimatorSigmas,
     GimbalSamples,
     HomeSamples,
     LogSummary,
-    MessageCount,
     PositionSamples,
 )
 from uavgram.model.naming import format_digits
@@ -32,21 +30,27 @@ _DATUMS = {"msl": "above mean sea level", "ellipsoid": "above the ellipsoid"}
 _MANY = 20
 
 
+Content = dict[str, Any]
+
+
 def log_summary_lines(summary: LogSummary) -> tuple[str, ...]:
     """List the content of a log: vehicle, boots, clock, tables, events, messages, notes."""
-    log = summary.log
-    lines = [f"{log.path}: {KINDS[log.kind]}"]
-    lines.append(_row("vehicle", f"{log.vehicle or 'not stated'}; {log.firmware or 'no firmware'}"))
-    if np.isfinite(log.undulation_m):
-        lines.append(_row("undulation", f"{log.undulation_m:+.2f} m, geoid above ellipsoid"))
-    for number, boot in enumerate(summary.boots, start=1):
-        lines.append(f"boot {number} of {len(summary.boots)}")
+    log = _collect_content(summary)
+    lines = [f"{log['path']}: {KINDS[log['kind']]}"]
+    lines.append(
+        _row("vehicle", f"{log['vehicle'] or 'not stated'}; {log['firmware'] or 'no firmware'}")
+    )
+    if np.isfinite(log["undulation_m"]):
+        lines.append(_row("undulation", f"{log['undulation_m']:+.2f} m, geoid above ellipsoid"))
+    for number, boot in enumerate(log["boots"], start=1):
+        lines.append(f"boot {number} of {len(log['boots'])}")
         lines.extend(_boot_lines(boot))
-    lines.extend(_row("note", note) for note in log.notes)
-    lines.append(f"{sum(m.count for m in log.messages)} messages of {len(log.messages)} types")
+    lines.extend(_row("note", note) for note in log["notes"])
+    messages = log["messages"]
+    lines.append(f"{sum(m['count'] for m in messages)} messages of {len(messages)} types")
     # with several boots, first and last time are of different clocks: no rate
-    one_clock = len(log.boots) == 1
-    lines.extend(_message_line(message, one_clock=one_clock) for message in log.messages)
+    one_clock = len(log["boots"]) == 1
+    lines.extend(_message_line(message, one_clock=one_clock) for message in messages)
     return tuple(lines)
 
 
@@ -54,107 +58,90 @@ def _row(title: str, text: str) -> str:
     return f"  {title:<11} {text}"
 
 
-def _boot_lines(summary: BootSummary) -> list[str]:
-    boot, clock = summary.boot, summary.clock
+def _boot_lines(boot: Content) -> list[str]:
     lines = []
-    if summary.span_utc[0]:
-        lines.append(_row("flight", f"{summary.span_utc[0]} to {summary.span_utc[1]}"))
-    if boot.positions is not None:
-        spent = boot.positions.time_boot_s[-1] - boot.positions.time_boot_s[0]
-        lines.append(_row("track", f"{summary.path_m:.0f} m over ground in {spent:.1f} s"))
-    if clock is not None:
-        lines.append(_row("clock", _clock_text(clock, len(summary.clock_time_s))))
-    lines.append(_row("positions", _positions_text(boot.positions)))
-    attitudes = boot.attitudes
-    text = "none" if attitudes is None else _rate(attitudes.source, attitudes.time_boot_s)
-    lines.append(_row("attitudes", text))
-    lines.append(_row("gimbal", _gimbal_text(boot.gimbal)))
-    lines.append(_row("sigmas", _sigmas_text(boot.sigmas)))
-    lines.append(_row("events", _events_text(boot.events)))
-    lines.append(_row("home", _home_text(boot.home)))
-    lines.extend(_row(m.level, f"{m.text} [{m.code}]") for m in summary.messages)
+    if boot["span_utc"]:
+        lines.append(_row("flight", " to ".join(boot["span_utc"])))
+    if (at := boot["positions"]) is not None:
+        spent = at["last_boot_s"] - at["first_boot_s"]
+        lines.append(_row("track", f"{boot['path_m']:.0f} m over ground in {spent:.1f} s"))
+    texts = {
+        "clock": _clock_text,
+        "positions": _positions_text,
+        "attitudes": _rate,
+        "gimbal": _gimbal_text,
+        "sigmas": _sigmas_text,
+        "events": _events_text,
+        "home": _home_text,
+    }
+    for table, text in texts.items():
+        if boot[table] is not None:
+            lines.append(_row(table, text(boot[table])))
+        elif table != "clock":
+            lines.append(_row(table, "none stated" if table in {"sigmas", "home"} else "none"))
+    lines.extend(_row(m["level"], f"{m['text']} [{m['code']}]") for m in boot["messages"])
     return lines
 
 
-def _clock_text(clock: BootClock, pairs: int) -> str:
-    drift, drift_sigma = (clock.rate - 1) * 1e6, clock.drift_sigma * 1e6
+def _clock_text(clock: Content) -> str:
     return (
-        f"{clock.source}, {pairs} pairs, drift {drift:+.1f} ± {drift_sigma:.1f} ppm, "
-        f"scatter {clock.scatter_s * 1e3:.1f} ms, sigma {clock.sigma_s:.3f} s"
+        f"{clock['source']}, {clock['pairs']} pairs, drift {clock['drift_ppm']:+.1f} ± "
+        f"{clock['drift_sigma_ppm']:.1f} ppm, scatter {clock['scatter_s'] * 1e3:.1f} ms, sigma "
+        f"{clock['sigma_s']:.3f} s"
     )
 
 
-def _rate(source: str, time_boot_s: Floats) -> str:
+def _rate(table: Content) -> str:
     """Format source, number of rows, span and rate of a table."""
-    first, last = time_boot_s[0], time_boot_s[-1]
-    text = f"{source}, {len(time_boot_s)}, {first:.1f} to {last:.1f} s after boot"
-    if len(time_boot_s) > 1:
-        text += f", {format_digits(1 / np.median(np.diff(time_boot_s)), 3)} Hz"
-    return text
+    text = (
+        f"{table['source']}, {table['count']}, {table['first_boot_s']:.1f} to "
+        f"{table['last_boot_s']:.1f} s after boot"
+    )
+    rate = table["rate_hz"]
+    return text if math.isnan(rate) else f"{text}, {format_digits(rate, 3)} Hz"
 
 
-def _positions_text(positions: PositionSamples | None) -> str:
-    if positions is None:
-        return "none"
-    low, high = positions.height_m.min(), positions.height_m.max()
+def _positions_text(positions: Content) -> str:
+    low, high = positions["height_m"]
     return (
-        f"{_rate(positions.source, positions.time_boot_s)}; "
-        f"height {low:.1f} to {high:.1f} m {_DATUMS[positions.datum]}"
+        f"{_rate(positions)}; height {low:.1f} to {high:.1f} m {_DATUMS[positions['height_datum']]}"
     )
 
 
-def _gimbal_text(gimbal: GimbalSamples | None) -> str:
-    if gimbal is None:
-        return "none"
-    low, high = np.degrees([gimbal.pitch_rad.min(), gimbal.pitch_rad.max()])
-    frame = "north" if gimbal.yaw_frame == "earth" else "the vehicle's nose"
-    return (
-        f"{_rate(gimbal.source, gimbal.time_boot_s)}; "
-        f"pitch {low:.1f} to {high:.1f} deg, yaw from {frame}"
-    )
+def _gimbal_text(gimbal: Content) -> str:
+    low, high = gimbal["pitch_deg"]
+    frame = "north" if gimbal["yaw_frame"] == "earth" else "the vehicle's nose"
+    return f"{_rate(gimbal)}; pitch {low:.1f} to {high:.1f} deg, yaw from {frame}"
 
 
-def _sigmas_text(sigmas: EstimatorSigmas | None) -> str:
-    if sigmas is None:
-        return "none stated"
-    stated = (
-        ("horizontal", sigmas.horizontal_m, 1.0, "m"),
-        ("vertical", sigmas.vertical_m, 1.0, "m"),
-        ("tilt", sigmas.tilt_rad, np.degrees(1.0), "deg"),
-        ("yaw", sigmas.yaw_rad, np.degrees(1.0), "deg"),
-    )
+def _sigmas_text(sigmas: Content) -> str:
     parts = [
-        f"{name} {format_digits(np.nanmedian(values) * scale)} {unit}"
-        for name, values, scale, unit in stated
-        if np.isfinite(values).any()
+        f"{name} {format_digits(value)} {unit}"
+        for key, value in sigmas.items()
+        if key != "source" and not math.isnan(value)
+        for _, name, unit in [key.split("_")]
     ]
-    return f"{sigmas.source}: {', '.join(parts)} (medians, as the log states them)"
+    return f"{sigmas['source']}: {', '.join(parts)} (medians, as the log states them)"
 
 
-def _events_text(events: CameraEvents | None) -> str:
-    if events is None:
-        return "none"
-    confirmed = events.confirmed > 0
-    first, last = events.time_boot_s[[0, -1]]
-    text = f"{events.source}, {len(confirmed)}, {first:.1f} to {last:.1f} s after boot"
-    if len(confirmed) > 1:
-        apart = np.diff(events.time_boot_s)
+def _events_text(events: Content) -> str:
+    time = np.array(events["time_boot_s"])
+    text = f"{events['source']}, {len(time)}, {time[0]:.1f} to {time[-1]:.1f} s after boot"
+    if len(time) > 1:
+        apart = np.diff(time)
         text += f", {apart.min():.2f} to {apart.max():.2f} s apart, {np.median(apart):.2f} s median"
     meaning = {
         "feedback": "at the camera's feedback",
         "command": "at the command, a shutter's lag early",
     }
-    text += f"; {int(confirmed.sum())} confirmed, {meaning[events.instant]}"
-    missed = events.image_number[~confirmed].tolist()
-    if missed:
-        text += (
-            f", {len(missed)} triggered that the camera did not confirm (image "
-            f"{_join_numbers(missed)})"
-        )
-    if events.lost:
-        text += f", {len(events.lost)} missing (image {_join_numbers(events.lost)})"
-    if events.repeated:
-        text += f", {len(events.repeated)} doubled (image {_join_numbers(events.repeated)})"
+    text += f"; {events['confirmed']} confirmed, {meaning[events['instant']]}"
+    for key, what in (
+        ("unconfirmed_images", "triggered that the camera did not confirm"),
+        ("missing_images", "missing"),
+        ("doubled_images", "doubled"),
+    ):
+        if images := events[key]:
+            text += f", {len(images)} {what} (image {_join_numbers(images)})"
     return text
 
 
@@ -162,29 +149,33 @@ def _join_numbers(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers[:_MANY])) + (", ..." if len(numbers) > _MANY else "")
 
 
-def _home_text(home: HomeSamples | None) -> str:
-    if home is None:
-        return "none stated"
+def _home_text(home: Content) -> str:
     return (
-        f"{home.source}: {home.latitude_deg[0]:.7f}, {home.longitude_deg[0]:.7f} deg, "
-        f"{home.height_m[0]:.2f} m {_DATUMS[home.datum]}"
+        f"{home['source']}: {home['latitude_deg']:.7f}, {home['longitude_deg']:.7f} deg, "
+        f"{home['height_m']:.2f} m {_DATUMS[home['height_datum']]}"
     )
 
 
-def _message_line(message: MessageCount, *, one_clock: bool) -> str:
-    line = f"  {message.name:<36} {message.count:>8}"
-    span = message.last_s - message.first_s
+def _message_line(message: Content, *, one_clock: bool) -> str:
+    first, last, count = message["first_boot_s"], message["last_boot_s"], message["count"]
+    line = f"  {message['name']:<36} {count:>8}"
+    span = last - first
     if np.isfinite(span):
-        line += f"   {message.first_s:9.1f} to {message.last_s:9.1f} s"
-        if one_clock and span > 0 and message.count > 1:
-            line += f"   {(message.count - 1) / span:8.3g} Hz"
+        line += f"   {first:9.1f} to {last:9.1f} s"
+        if one_clock and span > 0 and count > 1:
+            line += f"   {(count - 1) / span:8.3g} Hz"
     return line
 
 
 def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401
     """Convert the content of a log to a JSON object; numbers missing in the log are null."""
+    return _replace_nan(_collect_content(summary))
+
+
+def _collect_content(summary: LogSummary) -> Content:
+    """Collect the content of a log; numbers missing in it are NaN."""
     log = summary.log
-    content = {
+    return {
         "schema": 1,
         "path": log.path,
         "kind": log.kind,
@@ -198,7 +189,6 @@ def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401
         ],
         "notes": list(log.notes),
     }
-    return _replace_nan(content)
 
 
 def _boot(summary: BootSummary) -> dict[str, Any]:
