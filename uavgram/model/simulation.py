@@ -161,9 +161,6 @@ class Simulation:
     variants
         The survey without any deviation from its project, and with each deviation alone; empty
         where that was not requested.
-    running
-        Pairs of a number of repetitions, and the mean ratio of observed to predicted spread by
-        then.
     unlike
         Quantities that the scenario draws otherwise than its project states.
     deviations
@@ -176,7 +173,6 @@ class Simulation:
     repetitions: Repetitions
     accuracy: Accuracy
     variants: tuple[Variant, ...] = ()
-    running: tuple[tuple[int, float], ...] = ()
     unlike: tuple[SigmaMismatch, ...] = ()
     deviations: tuple[str, ...] = ()
 

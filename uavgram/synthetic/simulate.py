@@ -154,10 +154,6 @@ def simulation_as_json(simulation: Simulation) -> Record:
         "source": simulation.source,
         "seed": simulation.seed,
         **_summary(found, simulation.accuracy),
-        "running": [
-            {"repetitions": count, "spread_over_predicted": encode(ratio)}
-            for count, ratio in simulation.running
-        ],
         "drawn_unlike_stated": encode(simulation.unlike),
         "amiss": list(simulation.deviations),
         "variants": [
@@ -454,7 +450,6 @@ def simulate_many(
         repetitions=found,
         accuracy=compute_accuracy(found),
         variants=compared,
-        running=tuple(_iterate_ratios(found)),
         unlike=find_unlike_stated(world.scenario) if isinstance(world, ScenarioWorld) else (),
         deviations=tuple(_make_variants(world.scenario)[1])
         if isinstance(world, ScenarioWorld)
@@ -484,15 +479,6 @@ def write_outputs(simulation: Simulation, folder: Path, source: Path) -> tuple[s
         page = render_simulation_page(simulation)
         (hidden / PAGE_FILE).write_text(page, encoding="utf-8")
     return JSON_FILE, PAGE_FILE
-
-
-def _iterate_ratios(found: Repetitions) -> Iterator[tuple[int, float]]:
-    """Iterate over the ratio of spread to prediction after increasing numbers of repetitions."""
-    count = len(found.number)
-    steps = sorted({round(count ** (k / 40)) for k in range(41)} | {count})
-    for step in steps:
-        if step > 2:
-            yield step, compute_running_ratio(found, step)
 
 
 def _list_worlds(source: Path, world: World) -> dict[str, World]:

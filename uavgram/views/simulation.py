@@ -242,7 +242,6 @@ LOWEST, HIGHEST = 0.25, 8.0
 """Ratios at the ends of the axis; values beyond are drawn at the end."""
 
 TICKS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-CURVE_HEIGHT = 190.0
 LETTERS = {"axis": Letters(13.0, colour="#5b6470"), "row": Letters(13.0)}
 AXIS, ONE = Look("#d5d9de", 1.0), Look(BLACK, 1.5)
 RIGHT_SIZE, WRONG = "#4078c8", "#b3261e"
@@ -283,46 +282,6 @@ def draw_ranges(simulation: Simulation) -> Drawing:
     return drawing
 
 
-def draw_convergence(simulation: Simulation) -> Drawing | None:
-    """Draw spread over prediction against the number of repetitions; return None if too few.
-
-    Parameters
-    ----------
-    simulation
-        The simulation.
-    """
-    points = np.array(
-        [(n, ratio) for n, ratio in simulation.running if n > 2 and math.isfinite(ratio)]
-    )
-    if len(points) < 3:
-        return None
-    counts, ratios = points.T
-    first, last = int(counts[0]), int(counts[-1])
-
-    def place(count: Floats | float, ratio: Floats | float) -> Floats:
-        share = np.log(np.asarray(count) / first) / math.log(last / first)
-        up = (CURVE_HEIGHT - BOTTOM - 12.0) * np.clip(ratio, 0.0, 2.0) / 2.0
-        x, y = np.broadcast_arrays(60.0 + (WIDTH - 90.0) * share, CURVE_HEIGHT - BOTTOM - up)
-        return np.stack([x, y], axis=-1)
-
-    drawing = Drawing(
-        "Spread over prediction by number of repetitions", WIDTH, CURVE_HEIGHT, letters=LETTERS
-    )
-    for ratio in (0.0, 0.5, 1.0, 1.5, 2.0):
-        level = place(np.array([first, last]), ratio)
-        drawing.lines("levels", [level], ONE if ratio == 1.0 else AXIS)
-        drawing.write((50.0, level[0, 1] + 4.0), f"{ratio:g}", "row", side=1)
-    # 95 % range of a standard deviation from n samples: 1 +- 1.96 / sqrt(2 (n - 1))
-    chance = 1.96 / np.sqrt(2.0 * (counts - 1.0))
-    band = np.concatenate([place(counts, 1.0 + chance), place(counts, 1.0 - chance)[::-1]])
-    drawing.lines("band", [band], Look(fill="#5b6470", fill_opacity=0.14), closed=True)
-    drawing.lines("curve", [place(counts, ratios)], Look(RIGHT_SIZE, 2.5))
-    for count in sorted({first, last} | {n for n in (10, 30, 100, 300, 1000) if first < n < last}):
-        x, _ = place(count, 0.0).tolist()
-        drawing.write((x, CURVE_HEIGHT - 10.0), str(count), "axis")
-    return drawing
-
-
 def simulation_lines(simulation: Simulation) -> list[str]:
     """Format table, headline and counts.
 
@@ -358,7 +317,6 @@ def render_simulation_page(simulation: Simulation) -> str:
         counts=count_repetitions(found),
         rows=measurement_table(simulation),
         ranges=draw_ranges(simulation),
-        curve=draw_convergence(simulation),
         reasons=count_failures(found),
         amiss=describe_unstated_errors(simulation),
         unlike=describe_changed_values(simulation),
