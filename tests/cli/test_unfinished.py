@@ -17,7 +17,7 @@ from uavgram.pipeline.measure.inputs import read_inputs
 
 run_module = importlib.import_module("uavgram.pipeline.measure.run")
 outputs_module = importlib.import_module("uavgram.pipeline.measure.outputs")
-exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
+exports_module = importlib.import_module("uavgram.pipeline.measure.outputs")
 
 
 @pytest.fixture(scope="module")

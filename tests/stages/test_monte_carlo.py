@@ -13,8 +13,7 @@ from uavgram.model.frames import Frames
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
-from uavgram.stages.measure import measure
-from uavgram.stages.monte_carlo import sample_observations
+from uavgram.stages.measure import measure, sample_observations
 from uavgram.stages.refine import refine
 
 COUNT = 400

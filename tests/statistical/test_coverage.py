@@ -43,8 +43,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
-from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
-from uavgram.stages.monte_carlo import sample_observations
+from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE, sample_observations
 from uavgram.stages.refine import refine
 
 Plant = Callable[[pytest.MonkeyPatch], None]

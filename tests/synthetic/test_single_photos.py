@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.first_poses.photo_problem import SharedErrors
-from uavgram.estimation.repeated.predicted_lengths import PredictedLengths, predict_lengths
+from uavgram.estimation.repeated.single_photo import PredictedLengths, predict_lengths
 from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.errors import ErrorSpec, StatedSpec

@@ -1,7 +1,7 @@
 """Rasters of the ground plane, and painting on them.
 
 OpenCV fills shapes up to half a pixel (1 cm of road) too far: good enough for a road and its paint.
-Shapes that are measured are not painted this way (see synthetic/scene_picture.py).
+Shapes that are measured are not painted this way (see synthetic/rendering.py).
 """
 
 from __future__ import annotations

@@ -27,8 +27,7 @@ from uavgram.model.naming import plate_of
 from uavgram.model.observations import Picks, RejectedPlate, SeenPlate
 from uavgram.model.options import TargetOptions
 from uavgram.pipeline.match.adjustment import adjust_manual_picks
-from uavgram.pipeline.match.patch_search import Photos, load_grey_photos
-from uavgram.pipeline.match.search import search_all_photos
+from uavgram.pipeline.match.search import Photos, load_grey_photos, search_all_photos
 from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, find_project_duplicates, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.parallel import Progress, prefetch, silent

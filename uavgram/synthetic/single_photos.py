@@ -8,8 +8,7 @@ from zlib import crc32
 import numpy as np
 
 from uavgram.estimation.first_poses.photo_problem import Photos, SharedErrors
-from uavgram.estimation.repeated.predicted_lengths import add_errors, predict_lengths
-from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.estimation.repeated.single_photo import add_errors, adjust_photos, predict_lengths
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,

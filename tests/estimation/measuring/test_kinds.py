@@ -2,7 +2,7 @@
 
 import pytest
 
-from uavgram.estimation.measuring.kinds import require_picked
+from uavgram.estimation.measuring.propagation import require_picked
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.observations import MeasurementRequest
 

@@ -23,8 +23,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.observations import MeasurementKind, MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Relief, Survey
-from uavgram.stages.measure import compute_profiles
-from uavgram.stages.monte_carlo import sample_observations
+from uavgram.stages.measure import compute_profiles, sample_observations
 from uavgram.stages.refine import refine
 
 HEIGHTS = {0: 1.5, 4: 0.6, 7: 2.5, 8: 1.1}

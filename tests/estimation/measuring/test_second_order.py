@@ -19,8 +19,12 @@ from uavgram.model.frames import Frames
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
-from uavgram.stages.measure import MAX_SIGMA_DIFFERENCE, check_second_order, measurement_results
-from uavgram.stages.monte_carlo import sample_observations
+from uavgram.stages.measure import (
+    MAX_SIGMA_DIFFERENCE,
+    check_second_order,
+    measurement_results,
+    sample_observations,
+)
 from uavgram.stages.refine import refine
 
 ALONE: dict[str, Any] = {"frames": 1, "telemetry": False, "gauge": "plane"}

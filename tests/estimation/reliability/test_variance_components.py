@@ -12,7 +12,7 @@ from uavgram.estimation.reliability.variance_components import (
     estimate_single,
 )
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.model.arrays import Floats
 
 GROUPS, EACH = 12, 5

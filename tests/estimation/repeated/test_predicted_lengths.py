@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.estimation.repeated.predicted_lengths import (
+from uavgram.estimation.repeated.single_photo import (
     add_errors,
+    adjust_photos,
     compute_slopes,
     predict_lengths,
 )
-from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.synthetic.single_photos import (
     StudyCell,
     StudyPhoto,

@@ -11,7 +11,7 @@ from scenes import Scene, make_scene
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, Plan, SingularError
 from uavgram.estimation.solver.sparse import cholesky, fronts
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import Layout

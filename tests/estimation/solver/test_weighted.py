@@ -6,7 +6,7 @@ import pytest
 from uavgram.estimation.reliability.variance_components import WeightedProblem
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.model.arrays import Floats
 
 SIZE = 6

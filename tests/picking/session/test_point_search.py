@@ -31,7 +31,7 @@ from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.watched_work import WatchedWork
 from uavgram.picking.session.workers import collect_observations
 from uavgram.pipeline.match.height_evidence import PredictedPlaces
-from uavgram.pipeline.match.patch_search import Photos, Task
+from uavgram.pipeline.match.search import Photos, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import AdjustedPlaces
 from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair, Record

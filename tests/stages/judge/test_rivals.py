@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from uavgram.estimation.survey.adjustment import Reading, Refined, Rival
-from uavgram.stages.judge import rivals
+from uavgram.stages.judge import suspects
 
 
 def _length(name: str) -> Reading:
@@ -26,8 +26,8 @@ def test_readings_that_are_wrong_only_together_are_one_choice_of_the_sentence(
         possible=(),
         adjustment=None,
     )
-    monkeypatch.setattr(rivals, "is_mount_open", lambda _: False)
-    (message,) = rivals.judge_rivals(cast("Refined", refined))
+    monkeypatch.setattr(suspects, "is_mount_open", lambda _: False)
+    (message,) = suspects.judge_rivals(cast("Refined", refined))
 
     assert message.text.startswith(
         "One of these is wrong: the length 'D1', the length 'D2' and the length 'D3' (both) or the "

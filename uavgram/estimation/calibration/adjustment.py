@@ -27,7 +27,7 @@ from uavgram.estimation.solver.normal_equations import (
     compute_cost,
     compute_gradient,
 )
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import parameter_names
 

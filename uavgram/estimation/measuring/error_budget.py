@@ -19,8 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from uavgram.estimation.measuring.kinds import BELOW_PREFIX
-from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.measuring.propagation import BELOW_PREFIX, MeasuredValues
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import KINDS, get_kind

@@ -27,11 +27,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import helmert
 
-from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import (
     MeasuredValues,
     compute_values,
     compute_values_of_request,
+    refers_to_ground,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.neighbours import (

@@ -28,8 +28,7 @@ from uavgram.estimation.solver.normal_equations import (
     Plan,
     compute_gradient,
 )
-from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix, add_weighted
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix, Structure, add_weighted
 from uavgram.model.arrays import Floats, Ints
 
 

@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, compute_cost
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.model.arrays import Floats
 from uavgram.model.work import report_work
 

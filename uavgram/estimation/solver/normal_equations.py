@@ -23,9 +23,8 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import csc_array, csr_array
 
-from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
+from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix, Structure
 from uavgram.estimation.solver.sparse.cholesky import NotPositiveError, SparseFactor, Symbolic
-from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats, Ints
 
 

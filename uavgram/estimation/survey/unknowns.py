@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE, count_fixed_planes, count_relief
 from uavgram.geometry.motion.camera_motion import SHARED_SIZE
 from uavgram.geometry.motion.rotation import exp_so3

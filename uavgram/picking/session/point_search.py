@@ -33,8 +33,8 @@ from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.watched_work import StoppedError, WatchedWork
 from uavgram.picking.session.workers import LatestTask
 from uavgram.pipeline.match.height_evidence import PredictedPlaces
-from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
 from uavgram.pipeline.match.places_by_features import FeaturePlaces
+from uavgram.pipeline.match.search import describe_miss, group_by_photos, search_places
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import AdjustedPlaces, predict_places
 from uavgram.pipeline.targets import make_pick_row, recognise_picked, recognise_same

@@ -13,8 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.motion.camera_motion import BORESIGHT
 from uavgram.model.arrays import Bools
 from uavgram.pipeline.match.adjustment import BaseAdjustment, adjust_manual_picks
-from uavgram.pipeline.match.patch_search import load_grey_photos
-from uavgram.pipeline.match.search import Search, search_all_photos
+from uavgram.pipeline.match.search import Search, load_grey_photos, search_all_photos
 from uavgram.pipeline.match.selection import (
     Selection,
     append_matches,

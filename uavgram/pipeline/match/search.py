@@ -7,8 +7,9 @@ give them a pose.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,9 +22,18 @@ from uavgram.estimation.measuring.predicted_pixels import (
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
-from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
+from uavgram.imaging.matching.least_squares import (
+    REASON_TEXTS,
+    Matches,
+    RefusalReason,
+    SoughtPoints,
+)
 from uavgram.imaging.matching.line_of_sight import SightLine, match_along_line
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.imaging.matching.match import match_points
+from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.raster import Image
+from uavgram.io.photos.catalogue import read_grey
+from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 from uavgram.model.observations import Picks
 from uavgram.pipeline.match.adjustment import MIN_HEIGHT_M, BaseAdjustment, find_blank_labels
 from uavgram.pipeline.match.height_evidence import (
@@ -31,15 +41,9 @@ from uavgram.pipeline.match.height_evidence import (
     collect_height_evidence,
     make_search_places,
 )
-from uavgram.pipeline.match.patch_search import (
-    Photos,
-    describe_miss,
-    group_by_photos,
-    search_places,
-)
 from uavgram.pipeline.match.places_by_features import FeaturePlaces
 from uavgram.pipeline.match.selection import list_labels_without_height
-from uavgram.pipeline.parallel import Progress, silent
+from uavgram.pipeline.parallel import Progress, prefetch, silent
 from uavgram.stages.match import (
     CONTRADICTED,
     EVEN_ODDS,
@@ -58,6 +62,92 @@ from uavgram.stages.match import (
     pick_sigmas,
     shows_ground,
 )
+
+MAX_BYTES = 1_000_000_000
+"""Memory for decoded photos [bytes]: fifty of 20 megapixels."""
+
+Photos = LruCache[str, Image]
+"""Grey photos by name, decoded once while they are kept."""
+
+
+class Task(NamedTuple):
+    """Places of one photo that are sought in another; `rows` are their numbers."""
+
+    source: str
+    target: str
+    rows: Ints
+    sought: SoughtPoints
+
+
+def load_grey_photos(paths: Mapping[str, str]) -> Photos:
+    """Return photos by name that are decoded on demand, in the stored orientation."""
+    return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MAX_BYTES)
+
+
+def group_by_photos(
+    source: Sequence[str], target: Sequence[str], sought: SoughtPoints
+) -> list[Task]:
+    """Group places (n,) by photos, so that neighbours in the list share a photo.
+
+    Parameters
+    ----------
+    source, target
+        (n,) photo of the pick, and photo to search.
+    sought
+        The places.
+    """
+    groups: dict[tuple[str, str], list[int]] = {}
+    for row, pair in enumerate(zip(target, source, strict=True)):
+        groups.setdefault(pair, []).append(row)
+    return [
+        Task(here, there, np.array(rows), replace(sought, **rows_of(sought, np.array(rows))))
+        for (there, here), rows in sorted(groups.items())
+    ]
+
+
+def search_places(
+    photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent
+) -> Matches:
+    """Search for places, and return the finds in their order.
+
+    Parameters
+    ----------
+    photos
+        Grey, by name.
+    work
+        The places.
+    count
+        Number of all of them.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    InputError
+        A photo cannot be read.
+    """
+    found: dict[str, Floats | Ints] = {
+        "pixel_px": np.full((count, 2), np.nan),
+        "covariance_px2": np.full((count, 2, 2), np.nan),
+        "sigma_px": np.full(count, np.nan),
+        "score": np.zeros(count),
+        "refused": np.full(count, int(RefusalReason.OUTSIDE)),
+    }
+    done = prefetch(lambda task: _run_task(photos, task), work)
+    for task, one in progress(done, "looking in the photos", len(work)):
+        for name, values in found.items():
+            values[task.rows] = getattr(one, name)
+    return Matches(**found)  # type: ignore[arg-type]
+
+
+def describe_miss(refused: int) -> str:
+    """Describe why a place was not found."""
+    return REASON_TEXTS[RefusalReason(refused)]
+
+
+def _run_task(photos: Photos, task: Task) -> Matches:
+    return match_points(photos.get(task.source), photos.get(task.target), task.sought)
+
 
 HEIGHTS_M = -0.5, MIN_HEIGHT_M, 10.0
 """Heights above the ground [m]: lower limit of the search, upper limit of finds that count as the

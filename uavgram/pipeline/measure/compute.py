@@ -87,13 +87,14 @@ from uavgram.stages.judge import (
 from uavgram.stages.measure import (
     add_alternatives,
     check_second_order,
+    compare,
     compute_profiles,
     describe_scale_basis,
     measure,
     measurement_results,
+    sample_observations,
 )
 from uavgram.stages.messages import downgrade_explained, order_messages
-from uavgram.stages.monte_carlo import compare, sample_observations
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings

@@ -13,8 +13,8 @@ from uavgram.stages.judge.known import judge_known as judge_known
 from uavgram.stages.judge.lines import judge_lines as judge_lines
 from uavgram.stages.judge.picks import judge_makers as judge_makers
 from uavgram.stages.judge.picks import judge_picks as judge_picks
-from uavgram.stages.judge.rivals import judge_rivals as judge_rivals
 from uavgram.stages.judge.suspects import judge_removals as judge_removals
+from uavgram.stages.judge.suspects import judge_rivals as judge_rivals
 from uavgram.stages.judge.suspects import judge_suspects as judge_suspects
 from uavgram.stages.judge.tested_survey import TestedSurvey as TestedSurvey
 from uavgram.stages.judge.tested_survey import run_tests as run_tests

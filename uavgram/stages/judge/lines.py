@@ -19,7 +19,7 @@ from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.stages.judge.picks import find_rows
-from uavgram.stages.judge.rivals import list_contested
+from uavgram.stages.judge.suspects import list_contested
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import read_first
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.measuring.kinds import Measurand
-from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.measuring.propagation import Measurand, propagate
 from uavgram.estimation.reliability.redundancy import (
     compute_minimal_detectable_bias,
     compute_reliability,

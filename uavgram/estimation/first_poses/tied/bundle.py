@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from uavgram.estimation.first_poses.resection import compute_across_axes, compute_ray_residuals
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
-from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.motion.rotation import exp_so3, nearest_rotation
 from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints

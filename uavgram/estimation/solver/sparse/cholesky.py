@@ -24,14 +24,16 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from uavgram.estimation.solver.sparse.block_matrix import (
+    BLOCK,
     CHUNK_SIZE,
+    POINT,
     BlockMatrix,
     GroupedProducts,
     Pairs,
     Pattern,
+    Structure,
 )
 from uavgram.estimation.solver.sparse.fronts import Front, Ordering
-from uavgram.estimation.solver.sparse.structure import BLOCK, POINT, Structure
 from uavgram.model.arrays import Floats, Ints
 
 

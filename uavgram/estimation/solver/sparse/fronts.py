@@ -26,8 +26,13 @@ from scipy.sparse.csgraph import (
     maximum_bipartite_matching,
 )
 
-from uavgram.estimation.solver.sparse.block_matrix import TABLE_KINDS, BlockMatrix, Pattern
-from uavgram.estimation.solver.sparse.structure import BLOCK, POINT
+from uavgram.estimation.solver.sparse.block_matrix import (
+    BLOCK,
+    POINT,
+    TABLE_KINDS,
+    BlockMatrix,
+    Pattern,
+)
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LEAF_SIZE = 48
