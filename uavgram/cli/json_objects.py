@@ -113,7 +113,6 @@ def difference_object(
         "difference_px": difference.difference_px.tolist(),
         "covariance_px2": difference.covariance_px2.tolist(),
         "rotation_rad": difference.rotation_rad.tolist(),
-        "center_shift": difference.center_shift.tolist(),
         "share_seen": _number(difference.share_seen),
         **_messages((*first.messages, *second.messages)),
     }

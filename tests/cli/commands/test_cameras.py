@@ -152,7 +152,6 @@ def test_two_cameras_are_compared(run: Run, file: Path, tmp_path: Path) -> None:
     # 30 px of focal length: up to a hundredth of the distance from the centre, no turn helps
     assert 10 < rms < largest < 60
     assert "sigmas (rms)" in out
-    assert run(file, "--compare", other, "--distance", "20")[1].count("shift that fits best") == 1
 
 
 @pytest.mark.parametrize(

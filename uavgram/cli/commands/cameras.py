@@ -39,7 +39,6 @@ def camera(
     crop: Annotated[str | None, Parameter(validator=_is_part)] = None,
     size: Annotated[str | None, Parameter(validator=_is_size)] = None,
     compare: Path | None = None,
-    distance: Decimal | None = None,
     to: Literal["uavgram", "opencv", "colmap"] | None = None,
     output: Path | None = None,
     json: Json = False,
@@ -59,8 +58,6 @@ def camera(
         WIDTHxHEIGHT: the camera of photos that were resized to this; after cropping.
     compare
         Another camera of the same image size: differences of its projections.
-    distance
-        Compare at this distance, where the cameras may also be apart; by default at infinity.
     to
         Convert for uavgram, opencv or colmap; without --output to the terminal.
     output
@@ -77,7 +74,7 @@ def camera(
     changed = _convert(read, crop, size)
     if to is None and output is None:
         if compare is not None:
-            _compare(changed, compare, distance, json=json)
+            _compare(changed, compare, json=json)
         elif json:
             print_json(camera_object(changed))
         else:
@@ -129,7 +126,7 @@ def _show(read: CameraRead) -> list[str]:
     return [*lines, *([""] if notes else []), *notes]
 
 
-def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bool) -> None:
+def _compare(first: CameraRead, other: Path, *, json: bool) -> None:
     from uavgram.cli.json_objects import difference_object
     from uavgram.estimation.calibration.projection import compare_cameras
     from uavgram.pipeline.cameras import read_camera
@@ -137,7 +134,7 @@ def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bo
     from uavgram.views.terminal import message_lines
 
     second = read_camera(other)
-    difference = compare_cameras(first.calibration, second.calibration, distance=distance)
+    difference = compare_cameras(first.calibration, second.calibration)
     if json:
         print_json(difference_object(first, second, difference))
         return

@@ -9,8 +9,8 @@ References
 D. Kogan, mrcal documentation, "Differencing" (mrcal.secretsauce.net/differencing.html): the implied
 transformation is fitted before two models are compared, weighted by their uncertainty.
 
-Errors of the parameters that a rotation (or shift) of the camera compensates do no harm where the
-pose is estimated with the same camera; see `uavgram.estimation.calibration.projection`.
+Errors of the parameters that a rotation of the camera compensates do no harm where the pose is
+estimated with the same camera.
 """
 
 from __future__ import annotations
@@ -44,16 +44,13 @@ class CameraDifference(FrozenArrays):
     pixel_px
         (N, 2) pixels of the first camera that both can see.
     difference_px
-        (N, 2) pixel of the same direction (or point) in the second camera, minus `pixel_px`.
+        (N, 2) pixel of the same direction in the second camera, minus `pixel_px`.
     covariance_px2
         (N, 2, 2) of the difference, with the calibrations assumed independent, and the fitted
         rotation accounted for; zero if neither calibration has errors.
     rotation_rad
         (3,) fitted rotation: direction in the second camera = exp(rotation) @ direction in the
         first.
-    center_shift
-        (3,) fitted position of the second camera in the first one's frame, in the unit of the
-        distance; zero at infinity.
     share_seen
         Share of the pixels of the grid that both cameras see.
     """
@@ -62,7 +59,6 @@ class CameraDifference(FrozenArrays):
     difference_px: Annotated[Floats, "n", 2]
     covariance_px2: Annotated[Floats, "n", 2, 2]
     rotation_rad: Annotated[Floats, 3]
-    center_shift: Annotated[Floats, 3]
     share_seen: float
 
     @property
@@ -109,22 +105,17 @@ class CameraDifference(FrozenArrays):
 
 @dataclass(frozen=True, eq=False)
 class _Alignment:
-    """Pose of the second camera, with differences and derivatives there."""
+    """Rotation of the second camera, with differences and derivatives there."""
 
     rotation: Floats  # (3, 3)
-    center: Floats  # (3,)
     difference: Floats  # (N, 2)
-    by_alignment: Floats  # (N, 2, 3 or 6): rotation, then shift of the centre
-    by_point: Floats  # (N, 2, 3): by the point in the first camera's frame
+    by_rotation: Floats  # (N, 2, 3)
+    by_ray: Floats  # (N, 2, 3): by the ray in the first camera's frame
     by_second: Floats  # (N, 2, P) by the second camera's parameters
 
 
 def compare_cameras(
-    first: Calibration,
-    second: Calibration,
-    *,
-    distance: float | None = None,
-    columns: int = GRID_COLUMNS,
+    first: Calibration, second: Calibration, *, columns: int = GRID_COLUMNS
 ) -> CameraDifference:
     """Compare the projections by two calibrations, after the best-fitting rotation between them.
 
@@ -132,9 +123,6 @@ def compare_cameras(
     ----------
     first, second
         Calibrations of images of the same size; their lens models may differ.
-    distance
-        Distance of the points from the first camera; the second may then also be shifted. None: at
-        infinity, where only a rotation has an effect.
     columns
         Number of columns of the grid of pixels, which covers the image to its edges.
 
@@ -151,30 +139,28 @@ def compare_cameras(
         )
     pixel = make_image_grid(first.width_px, first.height_px, columns)
     ray, _, by_first = back_project_with_jacobian(first.model, first.parameters, pixel)
-    point, by_ray = _place_at_distance(ray, distance)
-    seen = ~np.isnan(point[:, 2])
-    seen[seen] = ~np.isnan(_project(second, point[seen])[:, 0])
+    seen = ~np.isnan(ray[:, 2])
+    seen[seen] = ~np.isnan(
+        project_with_jacobian(second.model, second.parameters, ray[seen], beyond_fold="nan")[0][
+            :, 0
+        ]
+    )
     if seen.sum() < _MIN_PIXELS:
         raise GeometryError(
             f"cameras {first.name!r} and {second.name!r} see only {seen.sum()} of {len(seen)} "
             "pixels of a grid in common: one of the two files is wrong"
         )
-    pixel, point = pixel[seen], point[seen]
-    by_first = by_ray[seen] @ by_first[seen]
-    shifted = distance is not None
+    pixel, ray, by_first = pixel[seen], ray[seen], by_first[seen]
     even = np.ones(len(pixel))
-    start = (np.eye(3), np.zeros(3))
     # First fit with equal weights, then with weights by the covariance of the differences.
-    rough = _align(second, pixel, point, even, start, shifted=shifted)
+    rough = _align(second, pixel, ray, even, np.eye(3))
     weight = _weights(_covariance(rough, by_first, (first, second), even))
-    start = (rough.rotation, rough.center)
-    best = _align(second, pixel, point, weight, start, shifted=shifted)
+    best = _align(second, pixel, ray, weight, rough.rotation)
     return CameraDifference(
         pixel_px=pixel,
         difference_px=best.difference,
         covariance_px2=_covariance(best, by_first, (first, second), weight),
         rotation_rad=log_so3(best.rotation),
-        center_shift=best.center,
         share_seen=float(seen.mean()),
     )
 
@@ -195,73 +181,37 @@ def make_image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) 
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
-def _place_at_distance(ray: Floats, distance: float | None) -> tuple[Floats, Floats]:
-    """Return (N, 3) points on rays with z = 1 at a distance from the camera, and (N, 3, 3) by ray.
-
-    At infinity the rays themselves: their length does not matter there.
-    """
-    if distance is None:
-        return ray, np.broadcast_to(np.eye(3), (len(ray), 3, 3))
-    length = np.linalg.norm(ray, axis=1)[:, None]
-    unit = ray / length
-    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
-    return distance * unit, distance * across / length[:, :, None]
-
-
-def _project(camera: Calibration, point: Floats) -> Floats:
-    return project_with_jacobian(camera.model, camera.parameters, point, beyond_fold="nan")[0]
-
-
 def _align(
-    second: Calibration,
-    pixel: Floats,
-    point: Floats,
-    weight: Floats,
-    start: tuple[Floats, Floats],
-    *,
-    shifted: bool,
+    second: Calibration, pixel: Floats, ray: Floats, weight: Floats, rotation: Floats
 ) -> _Alignment:
-    """Estimate the rotation (and shift) with the smallest weighted difference by Gauss-Newton.
+    """Estimate the rotation with the smallest weighted difference by Gauss-Newton.
 
     The lens models are used beyond their folds during the iteration, so that no pixel drops out;
     the compared pixels were seen by both at the start.
     """
-    rotation, center = start
     root = np.sqrt(weight)[:, None]
     for _ in range(_STEPS):
-        at = _evaluate(second, pixel, point, rotation, center, shifted=shifted)
-        design = (root[:, :, None] * at.by_alignment).reshape(-1, at.by_alignment.shape[-1])
+        at = _evaluate(second, pixel, ray, rotation)
+        design = (root[:, :, None] * at.by_rotation).reshape(-1, 3)
         misfit = (root * at.difference).ravel()
         step = np.negative(np.linalg.lstsq(design, misfit, rcond=None)[0], dtype=np.float64)
-        rotation = exp_so3(step[:3]) @ rotation
-        center = center + step[3:] if shifted else center
-        moved = at.by_alignment @ step
-        if np.abs(moved).max() < _MIN_CHANGE_PX:
-            return _evaluate(second, pixel, point, rotation, center, shifted=shifted)
+        rotation = exp_so3(step) @ rotation
+        if np.abs(at.by_rotation @ step).max() < _MIN_CHANGE_PX:
+            return _evaluate(second, pixel, ray, rotation)
     raise GeometryError(
         f"no turn fits camera {second.name!r} to the other one: their lenses have too little in "
         "common to be compared"
     )
 
 
-def _evaluate(
-    second: Calibration,
-    pixel: Floats,
-    point: Floats,
-    rotation: Floats,
-    center: Floats,
-    *,
-    shifted: bool,
-) -> _Alignment:
-    turned = (point - center) @ rotation.T
+def _evaluate(second: Calibration, pixel: Floats, ray: Floats, rotation: Floats) -> _Alignment:
+    turned = ray @ rotation.T
     have, by_turned, by_second = project_with_jacobian(
         second.model, second.parameters, turned, beyond_fold="extend"
     )
-    by_point = by_turned @ rotation
     # exp(step) @ x = x + step x x = x - hat(x) @ step
-    by_turn = -by_turned @ hat(turned)
-    by_alignment = np.concatenate([by_turn, -by_point], axis=-1) if shifted else by_turn
-    return _Alignment(rotation, center, have - pixel, by_alignment, by_point, by_second)
+    by_rotation = -by_turned @ hat(turned)
+    return _Alignment(rotation, have - pixel, by_rotation, by_turned @ rotation, by_second)
 
 
 def _covariance(
@@ -273,10 +223,10 @@ def _covariance(
     difference = (I - A A+) (B d second + C d first), with A+ the weighted pseudo-inverse.
     """
     first, second = cameras
-    a = at.by_alignment.reshape(-1, at.by_alignment.shape[-1])
+    a = at.by_rotation.reshape(-1, 3)
     root = np.repeat(np.sqrt(weight), 2)[:, None]
     result = np.zeros((len(at.difference), 2, 2))
-    for camera, by_parameters in ((first, at.by_point @ by_first), (second, at.by_second)):
+    for camera, by_parameters in ((first, at.by_ray @ by_first), (second, at.by_second)):
         g = by_parameters.reshape(len(a), -1)
         g = g - a @ np.linalg.lstsq(root * a, root * g, rcond=None)[0]
         rows = g.reshape(len(result), 2, -1)
@@ -297,7 +247,7 @@ _MAX_REWEIGHTINGS = 5
 
 
 def compute_projection_covariance(
-    calibration: Calibration, *, distance: float | None = None, columns: int = 40
+    calibration: Calibration, *, columns: int = GRID_COLUMNS
 ) -> tuple[Floats, Floats]:
     """Compute the covariance of projected directions over the image.
 
@@ -305,9 +255,6 @@ def compute_projection_covariance(
     ----------
     calibration
         Calibration of the camera.
-    distance
-        Distance of the points from the camera; None: at infinity, where only a rotation has an
-        effect.
     columns
         Number of columns of the grid of pixels.
 
@@ -316,11 +263,11 @@ def compute_projection_covariance(
     pixel_px : (N, 2)
         Pixels of the grid that have a ray.
     covariance_px2 : (N, 2, 2)
-        Covariance of the pixel of a fixed direction, after the rotation (and shift) that
-        compensates the calibration's error best.
+        Covariance of the pixel of a fixed direction, after the rotation that compensates the
+        calibration's error best.
     """
     exact = replace(calibration, covariance=np.zeros_like(calibration.covariance))
-    difference = compare_cameras(calibration, exact, distance=distance, columns=columns)
+    difference = compare_cameras(calibration, exact, columns=columns)
     return difference.pixel_px, difference.covariance_px2
 
 
@@ -330,13 +277,11 @@ def compute_worst_sigma(covariance: Floats) -> Floats:
 
 
 def compute_length_sigmas(
-    calibration: Calibration,
-    *,
-    tilt_rad: float,
-    pixel_px: Floats | None = None,
-    columns: int = 16,
+    calibration: Calibration, *, tilt_rad: float, columns: int = 16
 ) -> LengthUncertainty:
     """Compute relative sigmas of lengths between ground points, by the calibration alone.
+
+    The lengths lie over the whole image, each a third of its width.
 
     Parameters
     ----------
@@ -344,29 +289,26 @@ def compute_length_sigmas(
         Calibration of the camera.
     tilt_rad
         Angle of the optical axis from the nadir [rad]; image up is the direction of the tilt.
-    pixel_px
-        (L, 2, 2) ends of the lengths; None: a set over the image, each a third of its width.
     columns
         Number of columns of the grid of ground points that determine the pose.
 
     Raises
     ------
     GeometryError
-        An end of a length, or the image as a whole, does not see the ground.
+        The image does not see the ground.
     """
     size = np.array([calibration.width_px, calibration.height_px])
-    ends = _make_lengths(size) if pixel_px is None else np.asarray(pixel_px, np.float64)
+    ends = _make_lengths(size)
     grid = make_image_grid(calibration.width_px, calibration.height_px, columns)
     grid_fall = _ground(calibration, tilt_rad, grid)
     seen = np.isfinite(grid_fall.point[:, 0])
     fall = _ground(calibration, tilt_rad, ends.reshape(-1, 2))
-    if pixel_px is None:
-        kept = np.isfinite(fall.point[:, 0]).reshape(-1, 2).all(axis=1)
-        ends, fall = ends[kept], fall.take(np.repeat(kept, 2))
-    if not np.isfinite(fall.point).all() or not len(ends) or seen.sum() < 8:
+    kept = np.isfinite(fall.point[:, 0]).reshape(-1, 2).all(axis=1)
+    ends, fall = ends[kept], fall.take(np.repeat(kept, 2))
+    if not len(ends) or seen.sum() < 8:
         raise GeometryError(
             f"camera {calibration.name!r} tilted {np.degrees(tilt_rad):.0f} degrees does not see "
-            "the ground there: tilt it less, or choose pixels below the horizon"
+            "the ground: tilt it less"
         )
     # The pose that compensates the error best: pixel(point, pose, parameters) does not change.
     near = grid_fall.take(seen)

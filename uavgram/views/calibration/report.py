@@ -144,14 +144,9 @@ def difference_lines(
     turn = ", ".join(number(math.degrees(angle), 4) for angle in difference.rotation_rad)
     worst = int(np.argmax(difference.size_px))
     u, v = difference.pixel_px[worst].tolist()
-    lines = [
+    return [
         f"{second.name} minus {first.name}, projected over the image of the first",
         f"after the turn that fits best: ({turn}) degrees about the camera's x, y, z",
-    ]
-    if difference.center_shift.any():
-        shift = ", ".join(number(x, 4, signed=True) for x in difference.center_shift)
-        lines.append(f"and the shift that fits best: ({shift}) in the unit of the distance")
-    lines += [
         "",
         f"rms {difference.rms_px:.3f} px, largest {difference.max_px:.3f} px at "
         f"({u:.0f}, {v:.0f}); {difference.share_seen:.1%} of the image is seen by both",
@@ -160,7 +155,6 @@ def difference_lines(
         "size of the difference [px] over the image",
         align_columns(_map_cells(first, difference), right=tuple(range(_MAP_COLUMNS + 1))),
     ]
-    return lines
 
 
 def _significance(difference: CameraDifference) -> list[str]:
