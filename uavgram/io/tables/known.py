@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -76,6 +77,7 @@ _COORDINATES: dict[Literal["geodetic", "local"], tuple[str, str, str]] = {
     "local": ("east_m", "north_m", "up_m"),
 }
 _ONE_SIGMA = ("sigma_m",)
+Choice = TypeVar("Choice", bound=str)
 THREE_SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
 _ALL = (*_COORDINATES["geodetic"], *_COORDINATES["local"], *_ONE_SIGMA, *THREE_SIGMAS)
 
@@ -91,10 +93,9 @@ def read_known_points(path: str | Path) -> KnownPoints:
         out of range, a sigma that is not greater than 0.
     """
     table = read_table(path, Columns(text=("label",), optional_numbers=_ALL))
-    kind: Literal["geodetic", "local"] = (
-        "geodetic" if _choose_columns(table, *_COORDINATES.values()) == 0 else "local"
-    )
-    sigmas = (_ONE_SIGMA, THREE_SIGMAS)[_choose_columns(table, _ONE_SIGMA, THREE_SIGMAS)]
+    kind = _choose_columns(table, _COORDINATES)
+    choices = {"one": _ONE_SIGMA, "three": THREE_SIGMAS}
+    sigmas = choices[_choose_columns(table, choices)]
     names = _COORDINATES[kind]
     _check_cells(table, (*names, *sigmas))
     table.require_unique("label", "label")
@@ -108,19 +109,22 @@ def read_known_points(path: str | Path) -> KnownPoints:
     )
 
 
-def _choose_columns(table: Table, *choices: tuple[str, ...]) -> int:
+def _choose_columns(table: Table, choices: Mapping[Choice, Sequence[str]]) -> Choice:
     """Choose the one of two sets of columns that the header has: one complete set, or an error."""
-    present = [[name for name in choice if name in table.header] for choice in choices]
-    written = " or ".join(", ".join(choice) for choice in choices)
-    if all(present):
-        mixed = " and ".join(names[0] for names in present)
+    present = {
+        key: have
+        for key, names in choices.items()
+        if (have := [name for name in names if name in table.header])
+    }
+    written = " or ".join(", ".join(names) for names in choices.values())
+    if len(present) > 1:
+        mixed = " and ".join(have[0] for have in present.values())
         raise InputError(table.path, f"has both {mixed}: give either {written}", 1)
-    for i, (have, choice) in enumerate(zip(present, choices, strict=True)):
-        missing = [name for name in choice if name not in have]
-        if have and missing:
+    for key, have in present.items():
+        missing = [name for name in choices[key] if name not in have]
+        if missing:
             raise InputError(table.path, f"column {missing[0]!r} is missing beside {have[0]}", 1)
-        if have:
-            return i
+        return key
     raise InputError(table.path, f"columns are missing: give either {written}", 1)
 
 
@@ -225,9 +229,9 @@ def _has_fault(table: Table, row: int) -> bool:
 
 
 _ENDS = ("start", "end")
-_AXES: dict[Literal["geodetic", "local"], tuple[str, str, str]] = {
-    "geodetic": ("latitude_deg", "longitude_deg", "height_m"),
-    "local": ("east_m", "north_m", "up_m"),
+_ENDS_SEEN_FROM_ABOVE = {
+    kind: [f"{end}_{axis}" for end in _ENDS for axis in axes[:2]]
+    for kind, axes in _COORDINATES.items()
 }
 _SIGMAS = ("sigma_m", "sigma_up_m", "straightness_m")
 
@@ -236,7 +240,7 @@ CONTROL_LINES_COLUMNS = Columns(
     numbers=("sigma_m",),
     optional_text=("use", "note"),
     optional_numbers=(
-        *(f"{end}_{axis}" for axes in _AXES.values() for end in _ENDS for axis in axes),
+        *(f"{end}_{axis}" for axes in _COORDINATES.values() for end in _ENDS for axis in axes),
         *_SIGMAS[1:],
     ),
     choices={"use": _USES},
@@ -260,8 +264,8 @@ def read_control_lines(path: str | Path) -> ControlLines:
         that is not greater than 0, an unknown `use`.
     """
     table = read_table(path, CONTROL_LINES_COLUMNS)
-    kind = _kind(table)
-    names = [[f"{end}_{axis}" for axis in _AXES[kind]] for end in _ENDS]
+    kind = _choose_columns(table, _ENDS_SEEN_FROM_ABOVE)
+    names = [[f"{end}_{axis}" for axis in _COORDINATES[kind]] for end in _ENDS]
     table.require_unique("name", "line")
     ends = np.stack([np.stack([table.numbers[n] for n in of], axis=1) for of in names], axis=1)
     _check_ends(table, names, ends, kind)
@@ -280,26 +284,6 @@ def read_control_lines(path: str | Path) -> ControlLines:
         straightness_m=np.where(np.isnan(own), STRAIGHTNESS_M, own),
         adjust=np.array([use != "check" for use in table.text["use"]], dtype=np.bool_),
     )
-
-
-def _kind(table: Table) -> Literal["geodetic", "local"]:
-    """Return the kind of coordinates in the header: one kind, plan at both ends, or an error."""
-    found: list[Literal["geodetic", "local"]] = []
-    for kind, axes in _AXES.items():
-        plan = [f"{end}_{axis}" for end in _ENDS for axis in axes[:2]]
-        have = [name for name in plan if name in table.header]
-        if have and len(have) < len(plan):
-            missing = next(name for name in plan if name not in have)
-            raise InputError(table.path, f"column {missing!r} is missing beside {have[0]}", 1)
-        if have:
-            found.append(kind)
-    if len(found) == 1:
-        return found[0]
-    written = " or ".join(
-        ", ".join(f"{end}_{axis}" for end in _ENDS for axis in axes[:2]) for axes in _AXES.values()
-    )
-    what = "has both" if found else "columns are missing"
-    raise InputError(table.path, f"{what}: give either {written}", 1)
 
 
 def _check_ends(
