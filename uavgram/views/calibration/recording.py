@@ -41,7 +41,7 @@ from uavgram.views.calibration.verdict import (
 )
 from uavgram.views.formatting import number
 from uavgram.views.recording.blueprint import layout, page_views, picture_view, plot, space_view
-from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
+from uavgram.views.recording.scene import Eye
 from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.style import (
     BAD,
@@ -54,6 +54,7 @@ from uavgram.views.style import (
     Rgb,
 )
 from uavgram.views.survey.figure import draw_figure
+from uavgram.views.survey.outlines import corner_rays, pyramids
 from uavgram.views.tables import Cell, Cells, make_table, markdown, plain
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
@@ -140,8 +141,9 @@ def log_image_maps(recorder: Recorder, result: CalibrationResult) -> None:
     ):
         canvas = FigureCanvasAgg(draw_figure(figure.drawing))
         canvas.figure.set_dpi(MAP_DPI)
-        canvas.draw()
-        recorder.picture(path, Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+        canvas.draw()  # type: ignore[no-untyped-call]
+        pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+        recorder.picture(path, Image.fromarray(pixels[..., :3]))
 
 
 AROUND = "around_the_board"
@@ -171,6 +173,8 @@ class SceneExtent:
         and boards, in the camera's.
     frusta_m, boards_m
         (M, 10, 3) polylines of the cameras, (M, 5, 3) outlines of the boards, likewise.
+    own_frustum_m
+        (1, 10, 3) polyline of the camera in its own frame.
     """
 
     frustum_m: float
@@ -178,6 +182,7 @@ class SceneExtent:
     before_m: Floats
     frusta_m: Floats
     boards_m: Floats
+    own_frustum_m: Floats
 
 
 def measure_extent(result: CalibrationResult) -> SceneExtent:
@@ -186,17 +191,18 @@ def measure_extent(result: CalibrationResult) -> SceneExtent:
     center, turn = poses.center_world_m, poses.world_from_camera
     away = np.linalg.norm(center - result.board.corner_board_m.mean(axis=0), axis=1)
     depth = FRUSTUM_SHARE * float(np.median(away))
-    outline = depth * _frustum(result)
-    # world to camera: R^T (x - c); camera to world: c + R x
+    corners = depth * _frame_corners(result)
+    # world to camera: R^T (x - c)
     boards = np.einsum("mji,mkj->mki", turn, rim[None] - center[:, None])
-    frusta = center[:, None] + np.einsum("mij,kj->mki", turn, outline)
+    frusta = pyramids(center, turn, corners)
     # the current camera is drawn larger
     large = frusta + (DEPTH_OF_CURRENT - 1) * (frusta - center[:, None])
     return SceneExtent(
         frustum_m=depth,
         around_m=np.concatenate([rim, large.reshape(-1, 3)]),
-        before_m=np.concatenate([outline, boards.reshape(-1, 3)]),
+        before_m=np.concatenate([np.zeros((1, 3)), corners, boards.reshape(-1, 3)]),
         frusta_m=frusta,
+        own_frustum_m=pyramids(np.zeros((1, 3)), np.eye(3)[None], corners),
         boards_m=boards,
     )
 
@@ -228,7 +234,7 @@ def log_space(recorder: Recorder, result: CalibrationResult, room: SceneExtent) 
         ),
     )
     recorder.lines(f"{BEFORE}/boards", room.boards_m, colours, 2.2)
-    recorder.lines(f"{BEFORE}/camera", [room.frustum_m * _frustum(result)], OBSERVED, 3.0)
+    recorder.lines(f"{BEFORE}/camera", room.own_frustum_m, OBSERVED, 3.0)
     boards = [[board] for board in room.boards_m]
     recorder.lines_of_frames(f"{BEFORE}/this_board", boards, OBSERVED, 5.0)
 
@@ -256,19 +262,17 @@ def _rim(result: CalibrationResult) -> Floats:
     return np.stack([x, y, np.zeros(5)], axis=1)
 
 
-def _frustum(result: CalibrationResult) -> Floats:
-    """Return the (10, 3) polyline of the image frame and four edges at depth 1, with distortion."""
+def _frame_corners(result: CalibrationResult) -> Floats:
+    """Return the (4, 3) corners of the image frame at depth 1, with distortion."""
     camera = result.calibration
-    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [camera.width_px, camera.height_px] - 0.5
+    size_px = np.array([camera.width_px, camera.height_px])
+    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size_px - 0.5
     ray = back_project(camera.model, camera.parameters, corner)
-    fx, fy, cx, cy = camera.parameters[:4]
-    plain = np.column_stack([(corner - [cx, cy]) / [fx, fy], np.ones(4)])
     # where the distortion has no inverse, take the ray without distortion
-    ray = np.where(np.isfinite(ray), ray, plain)
-    depth = np.maximum(ray[:, 2:], 0.2 * np.linalg.norm(ray, axis=1, keepdims=True))
-    a, b, c, d = ray / depth
-    o = np.zeros(3)
-    return np.stack([a, b, c, d, a, o, b, c, o, d])
+    ray = np.where(np.isfinite(ray), ray, corner_rays(camera.parameters, *size_px.tolist()))
+    return np.asarray(
+        ray / np.maximum(ray[:, 2:], 0.2 * np.linalg.norm(ray, axis=1, keepdims=True))
+    )
 
 
 RESIDUAL, TILT, STATUS = "plots/residual", "plots/tilt", "photo_status"
@@ -396,31 +400,26 @@ def _states(account: CalibrationAccount) -> str:
 
 def _around(room: SceneExtent) -> rrb.Spatial3DView:
     name = "Cameras around the board (blue: used; white: this photo)"
-    contents = [f"+ /{AROUND}/**", *_NOT_IN_SPACE]
-    up = np.array([0.0, 0.0, -1.0])
-    eye = _eye(room.around_m, np.array([0.35, 0.95, -0.75]), up)
-    return space_view(name, contents, *eye, up=up, origin=f"/{AROUND}")
+    return _view(name, AROUND, room.around_m, (0.35, 0.95, -0.75), (0.0, 0.0, -1.0), _NOT_IN_SPACE)
 
 
 def _before(room: SceneExtent) -> rrb.Spatial3DView:
-    up = np.array([0.0, -1.0, 0.0])
-    eye = _eye(room.before_m, np.array([0.8, -0.4, -0.6]), up)
-    contents = [f"+ /{BEFORE}/**"]
-    return space_view("Boards before the camera", contents, *eye, up=up, origin=f"/{BEFORE}")
+    name = "Boards before the camera"
+    return _view(name, BEFORE, room.before_m, (0.8, -0.4, -0.6), (0.0, -1.0, 0.0), [])
 
 
-def _eye(points_m: Floats, way: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Place the eye and its target as near as all (N, 3) points allow."""
-    back = way / np.linalg.norm(way)
-    # axes of the view: back, right and (by a cross product) up
-    right = np.cross(up, back)
-    right /= np.linalg.norm(right)
-    target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
-    offset = points_m - target
-    sideways, upward = np.abs(offset @ right), np.abs(offset @ np.cross(back, right))
-    # each point needs the distance depth + offset / tangent of half the angle of view
-    distance = (offset @ back + np.maximum(sideways / HALF_WIDTH, upward / HALF_HEIGHT)).max()
-    return target + distance * back, target
+def _view(
+    name: str,
+    origin: str,
+    points_m: Floats,
+    way: tuple[float, ...],
+    up: tuple[float, ...],
+    more: list[str],
+) -> rrb.Spatial3DView:
+    """Show all below an origin, with the eye as near as all (N, 3) points allow."""
+    eye = Eye.fit(points_m, np.array(way) / np.linalg.norm(way), np.array(up))
+    contents = [f"+ /{origin}/**", *more]
+    return space_view(name, contents, eye.position_m, eye.target_m, up=up, origin=f"/{origin}")
 
 
 def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView:

@@ -52,24 +52,24 @@ class Eye:
     distance_m: float
 
     @classmethod
-    def fit(cls, points_m: Floats, towards: Floats) -> Eye:
+    def fit(cls, points_m: Floats, towards: Floats, up: Floats | None = None) -> Eye:
         """Place target and eye so that all (N, 3) points are as large as fits into a view.
 
         A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where
         the eye is at the distance D and has moved by a: the outermost on both sides give a and D.
-        The same holds upward; then the larger D serves for both.
+        The same holds upward; then the larger D serves for both. Upward is z without `up` (3,).
         """
         middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
-        right, upward, nearer = _split_offsets(points_m - middle, towards)
-        shifts, distances = [], [1.0]
+        right, upward, nearer = _split_offsets(points_m - middle, towards, up)
+        shifts, distances = [], []
         for aside, share in ((right, HALF_WIDTH), (upward, HALF_HEIGHT)):
             # outermost points on both sides: largest W n + r (right) and W n - r (left)
             most, least = (share * nearer + aside).max(), (share * nearer - aside).max()
             shifts.append((most - least) / 2)
             distances.append(float(most + least) / (2 * share))
-        to_the_right, up = _axes(towards)
-        target = middle + shifts[0] * to_the_right + shifts[1] * up
-        return cls(towards, target, max(distances))
+        to_the_right, upwards = _axes(towards, up)
+        target = middle + shifts[0] * to_the_right + shifts[1] * upwards
+        return cls(towards, target, max(distances) or 1.0)  # a single point: from a metre away
 
     @property
     def position_m(self) -> Floats:
@@ -97,15 +97,17 @@ class Eye:
         return np.asarray(self.target_m + across + nearer[:, None] * self.towards)
 
 
-def _split_offsets(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
+def _split_offsets(
+    offset_m: Floats, towards: Floats, up: Floats | None = None
+) -> tuple[Floats, Floats, Floats]:
     """Split (N, 3) offsets from a target into (N,) parts: right, upward, and towards the eye."""
-    right, up = _axes(towards)
-    return offset_m @ right, offset_m @ up, offset_m @ towards
+    right, upward = _axes(towards, up)
+    return offset_m @ right, offset_m @ upward, offset_m @ towards
 
 
-def _axes(towards: Floats) -> tuple[Floats, Floats]:
+def _axes(towards: Floats, up: Floats | None = None) -> tuple[Floats, Floats]:
     """Return the directions (3,) right and (3,) upward on the screen."""
-    right = np.cross([0.0, 0.0, 1.0], towards)
+    right = np.cross([0.0, 0.0, 1.0] if up is None else up, towards)
     length = float(np.linalg.norm(right))
     right = right / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
     return right, np.cross(towards, right)
