@@ -12,6 +12,7 @@ from PIL import Image
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
+from uavgram.model.maps import close_ring
 from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_strips
@@ -33,7 +34,6 @@ from uavgram.views.recording.labels import log_in_space, place_in_space
 from uavgram.views.recording.legend import BAR_PX, LEGEND, LegendPicture
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.survey import close_border
 from uavgram.views.style import (
     BAD,
     MEASURED,
@@ -226,7 +226,7 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     lines = planned.lines
     strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
     recorder.lines(f"{SPACE}/lines_to_lay", strips, REFERENCE, 5.0)
-    rings = [close_border(ring) for ring in planned.plates.corner_world_m]
+    rings = [close_ring(ring) for ring in planned.plates.corner_world_m]
     recorder.lines(f"{SPACE}/plates_to_lay", rings, REFERENCE, 5.0)
     wanted = list(wanted_strips(planned).values())
     recorder.lines(f"{SPACE}/wanted", wanted, MEASURED, 3.0)
@@ -247,8 +247,8 @@ def map_colours(share: Floats) -> Pixels:
 
 
 def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
-    recorder.lines(f"{SPACE}/area", [close_border(planned.area_world_m)], OBSERVED, 2.0)
-    rings = [close_border(ring) for ring in planned.no_go_world_m]
+    recorder.lines(f"{SPACE}/area", [close_ring(planned.area_world_m)], OBSERVED, 2.0)
+    rings = [close_ring(ring) for ring in planned.no_go_world_m]
     recorder.lines(f"{SPACE}/keep_out", rings, BAD, 4.0)
     reach = accuracy_range(planned)
     if reach is None:
@@ -265,7 +265,7 @@ def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> Non
     if len(frames.name) > 1:
         recorder.lines(f"{SPACE}/flight", [frames.center_world_m], REFINED, 1.5)
     recorder.lines(f"{SPACE}/photos", scene.frusta_m, REFINED, 1.5)
-    rings = [close_border(ring) for ring in frames.footprint_world_m]
+    rings = [close_ring(ring) for ring in frames.footprint_world_m]
     recorder.lines(f"{SPACE}/footprints", rings, QUIET, 0.8)
     for name, strips, width in (
         ("this_photo", list(scene.frusta_m), 3.0),

@@ -12,6 +12,7 @@ import rerun as rr
 from uavgram.geometry.ground.row_projection import RowPoses
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.maps import close_ring
 from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
@@ -33,7 +34,6 @@ from uavgram.views.recording.labels import (
 )
 from uavgram.views.recording.scene import CURRENT_FRUSTUM, Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.survey import close_border
 from uavgram.views.style import (
     BAD,
     FOUND,
@@ -533,7 +533,7 @@ def _shapes(result: Result, scene: Scene) -> Iterator[_Shape]:
     rings = footprints(result)
     flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
     for k, frame in enumerate(flown):
-        samples = sample_polyline(close_border(rings[frame]), BORDER_SAMPLES)
+        samples = sample_polyline(close_ring(rings[frame]), BORDER_SAMPLES)
         beside = frozenset([*flown[max(k - 1, 0) : k], *flown[k + 1 : k + 2]])
         yield _Shape(NEIGHBOURS, QUIET, samples, frames=beside, width=1.0)
 

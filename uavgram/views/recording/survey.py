@@ -11,6 +11,7 @@ import rerun as rr
 from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.maps import close_ring
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
 from uavgram.stages.products.map_layers import (
@@ -65,17 +66,12 @@ CURRENT = "survey/footprint_of_this_photo"
 
 def log_footprints(recorder: Recorder, result: Result) -> None:
     """Log all borders on the ground, and that of each frame."""
-    rings = {frame: close_border(ring) for frame, ring in footprints(result).items()}
+    rings = {frame: close_ring(ring) for frame, ring in footprints(result).items()}
     if not rings:
         return
     recorder.lines(ALL, list(rings.values()), QUIET, 0.8)
     strips = [[rings[k]] if k in rings else [] for k in range(len(result.frames.frame_id))]
     recorder.lines_of_frames(CURRENT, strips, OBSERVED, 1.6)
-
-
-def close_border(ring: Floats) -> Floats:
-    """Close a border: (v + 1, 3), with its first corner repeated."""
-    return np.concatenate([ring, ring[:1]])
 
 
 # Dashes of each segment of a dashed line.
@@ -233,7 +229,7 @@ def log_map(recorder: Recorder, result: Result) -> None:
             lines = rr.GeoLineStrings(lat_lon=lat_lon, radii=radii, colors=colours)
             recorder.static(f"{MAP}/{name}", lines)
 
-    borders = [close_border(ring) for ring in footprints(result).values()]
+    borders = [close_ring(ring) for ring in footprints(result).values()]
     log_lines("footprints", borders, [QUIET] * len(borders), 1.0)
     for name, poses, colour in (
         ("flight_log", result.frames.seed, SEED),
