@@ -97,6 +97,13 @@ def get_log_starts(scenes: MethodScenes) -> Starts:
     return scenes.logged[0][:, None], scenes.logged[1][:, None]
 
 
+def find_all_starts(scenes: MethodScenes) -> Starts:
+    """Return the poses of IPPE and the logged ones."""
+    starts = find_point_starts(scenes), get_log_starts(scenes)
+    center, rotation = (np.concatenate(part, axis=1) for part in zip(*starts, strict=True))
+    return center, rotation
+
+
 def find_direct_starts(scenes: MethodScenes) -> Starts:
     """Return the direct linear transformation of lines."""
     center, rotation = compute_direct_poses(make_line_rows(scenes))
@@ -206,12 +213,8 @@ LIMIT_SETTINGS = (
 )
 """Settings beyond the usual one, in each of which some method fails."""
 
-Starter = Callable[[MethodScenes], Starts]
 
-
-def compare_methods(
-    setting: Setting, scenes: int, seed: int = 0, more: Mapping[str, Starter] | None = None
-) -> list[MethodRow]:
+def compare_methods(setting: Setting, scenes: int, seed: int = 0) -> list[MethodRow]:
     """Compare all methods in one setting.
 
     Parameters
@@ -222,19 +225,14 @@ def compare_methods(
         Total number, divided equally among the numbers of features.
     seed
         Of the draws.
-    more
-        Other starting methods for lines of known position, by name.
     """
     counts = range(setting.features[0], setting.features[1] + 1)
     each = max(1, scenes // len(counts))
-    found: dict[str, list[MethodResults]] = {}
-    for lines in counts:
-        drawn = draw_scenes(setting, lines, each, seed)
-        for name, method in METHODS.items():
-            found.setdefault(name, []).append(method(drawn))
-        for name, starter in (more or {}).items():
-            found.setdefault(name, []).append(_by_lines(drawn, starter(drawn)))
-    return [make_row(setting.name, name, parts) for name, parts in found.items()]
+    drawn = [draw_scenes(setting, lines, each, seed) for lines in counts]
+    return [
+        make_row(setting.name, name, [run_method(method, some) for some in drawn])
+        for name, method in METHODS.items()
+    ]
 
 
 class FoundPoses(NamedTuple):
@@ -394,66 +392,35 @@ def _judge(scenes: MethodScenes, found: FoundPoses, told: Bools | None = None) -
     )
 
 
-def by_points(scenes: MethodScenes) -> MethodResults:
-    """Use the start of every line as a known point: IPPE, then maximum likelihood."""
-    return _judge(scenes, find_minima(scenes, frozenset({"start"}), find_point_starts(scenes)))
+class Method(NamedTuple):
+    """Observations of the maximum likelihood, and its starts; without any, the first start."""
+
+    uses: frozenset[str]
+    find_starts: Callable[[MethodScenes], Starts]
 
 
-def by_points_alone(scenes: MethodScenes) -> MethodResults:
-    """Use the same points: the best pose of IPPE as it is, without sigmas."""
-    center, rotation = find_point_starts(scenes)
-    cost = np.where(np.isfinite(center[:, :, 0]), 0.0, np.inf)
-    found = FoundPoses(center, rotation, np.zeros((*cost.shape, 6, 6)), cost)
-    judged = _judge(scenes, found, np.zeros(len(center), dtype=np.bool_))
+def run_method(method: Method, scenes: MethodScenes) -> MethodResults:
+    """Find the poses of scenes by a method, and their errors; without observations no sigmas."""
+    starts = method.find_starts(scenes)
+    if method.uses:
+        return _judge(scenes, find_minima(scenes, method.uses, starts))
+    cost = np.where(np.isfinite(starts[0][:, :, 0]), 0.0, np.inf)
+    found = FoundPoses(*starts, np.zeros((*cost.shape, 6, 6)), cost)
+    judged = _judge(scenes, found, np.zeros(len(cost), dtype=np.bool_))
     return replace(judged, sigma_m=np.full(judged.sigma_m.shape, np.nan))
 
 
-def by_lines(scenes: MethodScenes) -> MethodResults:
-    """Use lines of known position: the direct start and the search, then maximum likelihood."""
-    return _by_lines(scenes, find_line_starts(scenes))
-
-
-def by_lines_directly(scenes: MethodScenes) -> MethodResults:
-    """Use lines of known position from the direct linear transformation alone."""
-    return _by_lines(scenes, find_direct_starts(scenes))
-
-
-def by_lengths(scenes: MethodScenes) -> MethodResults:
-    """Use the lengths of the lines alone: position and heading of the camera stay free."""
-    return _judge(scenes, find_minima(scenes, frozenset({"length"}), find_length_starts(scenes)))
-
-
-def by_log(scenes: MethodScenes) -> MethodResults:
-    """Use the log alone."""
-    return _judge(scenes, find_minima(scenes, frozenset({"log"}), get_log_starts(scenes)))
-
-
-def by_lengths_and_log(scenes: MethodScenes) -> MethodResults:
-    """Use the thesis's lengths with the log as a prior, like this program."""
-    uses = frozenset({"length", "log"})
-    return _judge(scenes, find_minima(scenes, uses, get_log_starts(scenes)))
-
-
-def by_all(scenes: MethodScenes) -> MethodResults:
-    """Use the start's position, the end on its line, length and log; without double counting."""
-    uses = frozenset({"start", "end on line", "length", "log"})
-    starts = [find_point_starts(scenes), get_log_starts(scenes)]
-    center, rotation = (np.concatenate(part, axis=1) for part in zip(*starts, strict=True))
-    return _judge(scenes, find_minima(scenes, uses, (center, rotation)))
-
-
-METHODS: Mapping[str, Callable[[MethodScenes], MethodResults]] = {
-    "points, IPPE alone": by_points_alone,
-    "points": by_points,
-    "lines of known position": by_lines,
-    "lines, direct start only": by_lines_directly,
-    "lengths": by_lengths,
-    "log": by_log,
-    "lengths and log": by_lengths_and_log,
-    "all": by_all,
+METHODS: Mapping[str, Method] = {
+    "points, IPPE alone": Method(frozenset(), find_point_starts),
+    "points": Method(frozenset({"start"}), find_point_starts),
+    "lines of known position": Method(LINES, find_line_starts),
+    "lines, direct start only": Method(LINES, find_direct_starts),
+    # The camera's position and heading stay free.
+    "lengths": Method(frozenset({"length"}), find_length_starts),
+    "log": Method(frozenset({"log"}), get_log_starts),
+    # The thesis's lengths with the log as a prior, as in the whole program.
+    "lengths and log": Method(frozenset({"length", "log"}), get_log_starts),
+    # Nothing counts twice: the start's position, and the end on its line.
+    "all": Method(frozenset({"start", "end on line", "length", "log"}), find_all_starts),
 }
 """Methods by name, in the order of tables."""
-
-
-def _by_lines(scenes: MethodScenes, starts: Starts) -> MethodResults:
-    return _judge(scenes, find_minima(scenes, LINES, starts))
