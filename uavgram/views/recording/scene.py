@@ -57,7 +57,16 @@ class Eye:
 
         A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where
         the eye is at the distance D and has moved by a: the outermost on both sides give a and D.
-        The same holds upward; then the larger D serves for both. Upward is z without `up` (3,).
+        The same holds upward; then the larger D serves for both.
+
+        Parameters
+        ----------
+        points_m
+            (N, 3) points.
+        towards
+            (3,) unit vector from the target to the eye.
+        up
+            (3,) direction that is up on the screen; None: z.
         """
         middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
         right, upward, nearer = _split_offsets(points_m - middle, towards, up)
