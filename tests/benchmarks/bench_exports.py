@@ -24,7 +24,7 @@ import synthetic_survey
 from uavgram.geometry.geodesy import utm_crs
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import FrameResults, PickResults, PickStatus, PoseTable
-from uavgram.pipeline.measure.outputs import make_writers
+from uavgram.pipeline.measure.exports import make_writers
 
 PICKS_A_POINT = 5
 

@@ -16,8 +16,8 @@ from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 run_module = importlib.import_module("uavgram.pipeline.measure.run")
-outputs_module = importlib.import_module("uavgram.pipeline.measure.outputs")
-exports_module = importlib.import_module("uavgram.pipeline.measure.outputs")
+outputs_module = importlib.import_module("uavgram.pipeline.measure.exports")
+exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from recording_contents import Contents
 from uavgram.io.results.results_json import load_results, write_results
 from uavgram.model.naming import IMPERIAL, METRIC, Units, units_from_options
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.outputs import make_writers
+from uavgram.pipeline.measure.exports import make_writers
 from uavgram.views.recording import write_recording
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.terminal import measurement_table

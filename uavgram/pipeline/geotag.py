@@ -15,8 +15,8 @@ from uavgram.io.photos.tagging import write_tagged_photo
 from uavgram.model.frames import GeoTags, PoseChoice
 from uavgram.model.message import Message
 from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.exports import make_geotags
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
-from uavgram.pipeline.measure.outputs import make_geotags
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads

@@ -10,7 +10,7 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, Plan, SingularError
-from uavgram.estimation.solver.sparse import cholesky, fronts
+from uavgram.estimation.solver.sparse import cholesky, nested_dissection
 from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import select_picks
@@ -50,7 +50,7 @@ def dense_jacobian(blocks: dict[str, Block], size: int) -> Floats:
 def branch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param != "dense":
         monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
-        monkeypatch.setattr(fronts, "LEAF_SIZE", 2)
+        monkeypatch.setattr(nested_dissection, "LEAF_SIZE", 2)
     result: str = request.param
     return result
 
@@ -263,7 +263,7 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
     monkeypatch: pytest.MonkeyPatch, block_size: int, border: int
 ) -> None:
     monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
-    monkeypatch.setattr(fronts, "LEAF_SIZE", 2)
+    monkeypatch.setattr(nested_dissection, "LEAF_SIZE", 2)
     monkeypatch.setattr(cholesky, "np", Dirty())
     rng = np.random.default_rng(block_size)
     side = 9

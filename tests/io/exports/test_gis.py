@@ -27,7 +27,7 @@ from uavgram.io.exports.gis import write_geopackage
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Features, Layer
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.outputs import make_writers
+from uavgram.pipeline.measure.exports import make_writers
 from uavgram.views.formatting import NOT_COMPUTED, measurement_text
 
 Objects = NDArray[np.object_]

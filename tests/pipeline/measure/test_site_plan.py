@@ -14,7 +14,7 @@ from top_views import SIZE_PX, looking, make_view, write_photo
 from uavgram.errors import GeometryError
 from uavgram.model.maps import PLAN_PDF, PlanPaper
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.outputs import PLAN_MAP, PLAN_PNG, write_plan
+from uavgram.pipeline.measure.site_plan import PLAN_MAP, PLAN_PNG, write_plan
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from uavgram.io.exports.measurements_csv import dump_profiles_csv
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, ProfileResults
-from uavgram.pipeline.measure.outputs import make_writers
+from uavgram.pipeline.measure.exports import make_writers
 from uavgram.views.formatting import height_text
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.survey.heights import BOTTOM, LEFT, MAX_HEIGHT, RIGHT, TOP, profile_drawings

@@ -35,7 +35,6 @@ from uavgram.views.calibration.verdict import (
     pixels_text,
 )
 from uavgram.views.formatting import chance, number
-from uavgram.views.pages import page
 from uavgram.views.tables import Cell, Row, Table, align_columns, format_table, make_table
 from uavgram.views.terminal import message_lines
 
@@ -263,6 +262,8 @@ MAX_ODD = 60
 
 def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> str:
     """Render the page as text; names written by people are escaped, nothing is loaded."""
+    from uavgram.views.pages import page  # noqa: PLC0415 - loads jinja2, which text does not need
+
     result = account.result
     small = {file: _shrink(picture) for file, picture in pictures.items()}
     shown, outliers = _best_photo(result, small), odd_corners(result)

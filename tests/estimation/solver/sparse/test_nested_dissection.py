@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from uavgram.estimation.solver.sparse.fronts import LEAF_SIZE, dissect
+from uavgram.estimation.solver.sparse.nested_dissection import LEAF_SIZE, dissect
 from uavgram.model.arrays import Floats, Ints
 
 
