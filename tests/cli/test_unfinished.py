@@ -16,7 +16,7 @@ from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 run_module = importlib.import_module("uavgram.pipeline.measure.run")
-outputs_module = importlib.import_module("uavgram.pipeline.measure.exports")
+outputs_module = importlib.import_module("uavgram.pipeline.measure.outputs")
 exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
 
 
