@@ -22,7 +22,8 @@ from tagged_jpeg import dji
 
 from uavgram.config.project import load_project
 from uavgram.geometry.geodesy import geodetic_from_enu
-from uavgram.io.photos.metadata import APP1, XMP_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.imaging.photos.decoding import Segment
+from uavgram.io.photos.metadata import APP1, XMP_HEAD, build_jpeg, parse_jpeg
 from uavgram.io.results.results_json import load_results
 from uavgram.model.result.result import Result
 from uavgram.picking.session.folder_chooser import FolderChooser

@@ -7,7 +7,8 @@ from pathlib import Path
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from uavgram.io.photos.metadata import APP1, XMP_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.imaging.photos.decoding import Segment
+from uavgram.io.photos.metadata import APP1, XMP_HEAD, build_jpeg, parse_jpeg
 
 _MAKE, _MODEL, _EXIF = 271, 272, 0x8769
 _FOCAL, _DISTANCE, _ZOOM, _EQUIVALENT, _SERIAL = 37386, 37382, 41988, 41989, 42033

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uavgram.io.photos.metadata import APP1, EXIF_HEAD, XMP_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.imaging.photos.decoding import Segment
+from uavgram.io.photos.metadata import APP1, EXIF_HEAD, XMP_HEAD, build_jpeg, parse_jpeg
 from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.model.frames import Photos
 

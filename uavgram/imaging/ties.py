@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decoding import decode_photo, jpeg_size
+from uavgram.imaging.photos.decoding import decode_photo, find_jpeg_frame
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -85,8 +85,8 @@ def read_features(path: str | os.PathLike[str]) -> Features:
         encoded = Path(path).read_bytes()
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
-    size = jpeg_size(encoded)
-    longer = max(size) if size else 0
+    frame = find_jpeg_frame(encoded)
+    longer = 0 if frame is None else max(frame.size_px)
     reduction = max((r for r in _GREY if longer >= r * WORKING_PX), default=1)
     grey = decode_photo(path, encoded, _GREY[reduction])
     return find_features(grey, reduction)

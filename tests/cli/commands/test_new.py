@@ -18,7 +18,8 @@ from planned_sample import sample_plan
 from uavgram.cli import main
 from uavgram.config.project import load_project
 from uavgram.config.project_text import ProjectText, project_text
-from uavgram.io.photos.metadata import APP1, EXIF_HEAD, XMP_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.imaging.photos.decoding import Segment
+from uavgram.io.photos.metadata import APP1, EXIF_HEAD, XMP_HEAD, build_jpeg, parse_jpeg
 from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.io.results.command_json import write_plan
 from uavgram.model.options import GeodeticOrigin

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decoding import halve, jpeg_size, read_pixels
+from uavgram.imaging.photos.decoding import find_jpeg_frame, halve, read_pixels
 from uavgram.imaging.photos.preview import (
     IDENTITY_TONE,
     LONGEST_PX,
@@ -124,9 +124,9 @@ def test_the_rotation_in_exif_is_not_applied(tmp_path: Path) -> None:
 def test_the_size_in_the_header_is_that_of_the_pixels(tmp_path: Path) -> None:
     path = write(tmp_path / "photo.jpg", photo(123, 45))
 
-    assert jpeg_size(path.read_bytes()) == (123, 45)
-    assert jpeg_size(b"\x89PNG") is None
-    assert jpeg_size(path.read_bytes()[:30]) is None
+    assert find_jpeg_frame(path.read_bytes()) == ((123, 45), True)
+    assert find_jpeg_frame(b"\x89PNG") is None
+    assert find_jpeg_frame(path.read_bytes()[:30]) is None
 
 
 @pytest.mark.parametrize("content", [b"", b"no photo", b"\xff\xd8\xff\xe0\x00\x10JFIF"])
@@ -146,9 +146,9 @@ def test_a_missing_photo_is_an_input_error_that_names_it(tmp_path: Path) -> None
 
 def test_a_real_photo_keeps_its_shape(data_dir: Path) -> None:
     preview, _ = read_preview(data_dir / "brighton_beach" / "DJI_0025.JPG", 1000)
-    size = jpeg_size((data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes())
-    assert size is not None
-    width, height = size
+    frame = find_jpeg_frame((data_dir / "brighton_beach" / "DJI_0025.JPG").read_bytes())
+    assert frame is not None
+    width, height = frame.size_px
 
     assert preview.width_px * preview.scale[0] == pytest.approx(width, abs=8)
     assert preview.height_px * preview.scale[1] == pytest.approx(height, abs=8)
@@ -164,8 +164,8 @@ def test_a_decoded_photo_is_reduced_as_its_file_is() -> None:
     assert preview.scale == (3.0, 3.0)
     mean = grey.reshape(300, 3, 400, 3).mean(axis=(1, 3))
     assert np.abs(decode_preview(preview)[..., 0] - mean).mean() < 2.0
-    assert jpeg_size(shrink_jpeg(preview.jpeg, 100)) == (100, 75)
-    assert jpeg_size(shrink_jpeg(preview.jpeg, 1000)) == (400, 300)
+    assert find_jpeg_frame(shrink_jpeg(preview.jpeg, 100)) == ((100, 75), True)
+    assert find_jpeg_frame(shrink_jpeg(preview.jpeg, 1000)) == ((400, 300), True)
 
 
 # How bright pictures are shown, against numpy's and OpenCV's own ways.

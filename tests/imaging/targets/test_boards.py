@@ -11,7 +11,7 @@ import pytest
 from board_photos import Sensor
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decoding import jpeg_size
+from uavgram.imaging.photos.decoding import find_jpeg_frame
 from uavgram.imaging.photos.preview import make_preview
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.boards import (
@@ -195,7 +195,7 @@ def test_the_picture_of_a_photo_shows_marks_where_the_corners_are() -> None:
     photo, board = observations.photos[0], observations.board
     grey = np.full((480, 640), 100, np.uint8)
     encoded = draw_board(make_preview(grey, 320), board, photo, np.zeros((54, 2)))
-    assert jpeg_size(encoded) == (320, 240)
+    assert find_jpeg_frame(encoded) == ((320, 240), True)
     decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR)
     assert decoded is not None
     picture = decoded.astype(int)

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
-from uavgram.io.photos.metadata import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.imaging.photos.decoding import Segment
+from uavgram.io.photos.metadata import APP1, EXIF_HEAD, build_jpeg, parse_jpeg
 from uavgram.io.photos.pose_tags import TagPose, _remove_zero_angles, first_maker, read_photo_tags
 from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.model.frames import PhotoPoses

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import mmap
 import os
 import struct
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -223,12 +226,11 @@ def _read(
         encoded = Path(path).read_bytes()
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
-    reduction, frame = 1, _jpeg_frame(encoded)
+    reduction, frame = 1, find_jpeg_frame(encoded)
     if frame is not None:
-        size_px, at = frame
-        reduction = choose(size_px[0])
-        if encoded.rfind(_END_OF_JPEG, at) < 0:  # cut off: OpenCV would fill in the missing part
-            size_px = None
+        reduction = choose(frame.size_px[0])
+        # cut off: OpenCV would fill in the missing part
+        size_px = frame.size_px if frame.is_whole else None
     pixels = None if size_px is None else _decode_into(path, size_px, reduction, room)
     if pixels is None:
         pixels = decode_photo(path, encoded, REDUCED[reduction])
@@ -282,30 +284,58 @@ def decode_photo(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pi
     return pixels
 
 
-def jpeg_size(encoded: bytes) -> tuple[int, int] | None:
-    """Read width and height of the stored pixels from a JPEG's header; None for other formats."""
-    frame = _jpeg_frame(encoded)
-    return None if frame is None else frame[0]
+SOS, EOI = 0xDA, 0xD9
+START = b"\xff\xd8"
+_ALONE = {0x01, *range(0xD0, 0xD9)}  # TEM, RSTn, SOI: no length follows
+# Start-of-frame markers of JPEG (ITU-T T.81, table B.1), without 0xC4, 0xC8 and 0xCC.
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
-def _jpeg_frame(encoded: bytes) -> tuple[tuple[int, int], int] | None:
-    """Read width and height of a JPEG, and the position of its frame header.
+@dataclass(frozen=True)
+class Segment:
+    """Marker (its second byte) with its payload, without marker and length."""
 
-    ISO/IEC 10918-1, B.2.2: the frame header is the first marker from SOF0 to SOF15 except DHT (C4),
-    JPG (C8) and DAC (CC).
+    marker: int
+    payload: bytes
+
+
+def read_segments(data: bytes | mmap.mmap) -> Iterator[tuple[Segment, int]]:
+    """Yield the segments of a JPEG file, each with its end in bytes; nothing for other formats.
+
+    The last one, without payload, is the marker of the first scan (or of the end of the file): if
+    it is missing, the file is truncated.
     """
-    if encoded[:2] != b"\xff\xd8":
-        return None
-    at = 2
-    while at + 9 <= len(encoded):
-        marker = encoded[at + 1]
-        if encoded[at] != 0xFF or marker == 0xFF:  # fill bytes before a marker
+    at = 2 if data[:2] == START else len(data)
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xFF:  # fill byte
             at += 1
-            continue
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height, width = struct.unpack(">HH", encoded[at + 5 : at + 9])
-            return (width, height), at
-        at += 2 + struct.unpack(">H", encoded[at + 2 : at + 4])[0]
+        elif marker in _ALONE:
+            at += 2
+        elif marker in (SOS, EOI):
+            yield Segment(marker, b""), at
+            return
+        else:
+            (length,) = struct.unpack_from(">H", data, at + 2)
+            if length < 2 or at + 2 + length > len(data):
+                return
+            yield Segment(marker, data[at + 4 : at + 2 + length]), at + 2 + length
+            at += 2 + length
+
+
+class JpegFrame(NamedTuple):
+    """Width and height of the stored pixels, and whether the file's end marker follows."""
+
+    size_px: tuple[int, int]
+    is_whole: bool
+
+
+def find_jpeg_frame(encoded: bytes | mmap.mmap) -> JpegFrame | None:
+    """Read a JPEG's frame header; None for other formats."""
+    for segment, end in read_segments(encoded):
+        if segment.marker in _FRAMES and len(segment.payload) >= 5:
+            height, width = struct.unpack_from(">HH", segment.payload, 1)
+            return JpegFrame((width, height), encoded.rfind(_END_OF_JPEG, end) >= 0)
     return None
 
 

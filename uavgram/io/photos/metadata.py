@@ -8,7 +8,7 @@ import mmap
 import re
 import struct
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
@@ -22,24 +22,15 @@ import numpy as np
 
 from uavgram.errors import InputError, describe_non_file
 from uavgram.geometry.geodesy import Origin
+from uavgram.imaging.photos.decoding import EOI, SOS, START, Segment, find_jpeg_frame, read_segments
 from uavgram.input_files import UnusableFile, read_bytes, refuse_unread
 from uavgram.model.camera import CameraTags
 
-APP0, APP1, SOS, EOI = 0xE0, 0xE1, 0xDA, 0xD9
-START = b"\xff\xd8"
+APP0, APP1 = 0xE0, 0xE1
 EXIF_HEAD = b"Exif\x00\x00"
 XMP_HEAD = b"http://ns.adobe.com/xap/1.0/\x00"
 LARGEST_SEGMENT = 65533
 TAKE_OUT = "take it out of the folder"
-_ALONE = {0x01, *range(0xD0, 0xD9)}  # TEM, RSTn, SOI: no length follows
-
-
-@dataclass(frozen=True)
-class Segment:
-    """Marker (its second byte) with its payload, without marker and length."""
-
-    marker: int
-    payload: bytes
 
 
 @dataclass(frozen=True)
@@ -55,30 +46,6 @@ class Jpeg:
             if segment.marker == APP1 and segment.payload.startswith(head):
                 return segment.payload[len(head) :]
         return None
-
-
-def read_segments(data: bytes | mmap.mmap) -> Iterator[tuple[Segment, int]]:
-    """Yield the segments of a JPEG file, each with its end in bytes; nothing for other formats.
-
-    The last one, without payload, is the marker of the first scan (or of the end of the file): if
-    it is missing, the file is truncated.
-    """
-    at = 2 if data[:2] == START else len(data)
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker == 0xFF:  # fill byte
-            at += 1
-        elif marker in _ALONE:
-            at += 2
-        elif marker in (SOS, EOI):
-            yield Segment(marker, b""), at
-            return
-        else:
-            (length,) = struct.unpack_from(">H", data, at + 2)
-            if length < 2 or at + 2 + length > len(data):
-                return
-            yield Segment(marker, data[at + 4 : at + 2 + length]), at + 2 + length
-            at += 2 + length
 
 
 def parse_jpeg(data: bytes) -> Jpeg | None:
@@ -353,8 +320,6 @@ def _key(qualified: str) -> tuple[str, str]:
 _TIFF = (b"II*\0", b"MM\0*")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _TIFF_SIDES = ("ImageWidth", "ImageLength")
-# Start-of-frame markers of JPEG (ITU-T T.81, table B.1), without 0xC4, 0xC8 and 0xCC.
-_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
 def read_image_size(path: str | Path) -> tuple[int, int]:
@@ -371,13 +336,15 @@ def read_image_size(path: str | Path) -> tuple[int, int]:
     if what := describe_non_file(path):
         raise InputError(path, f"is {what}: {TAKE_OUT}")
     refuse_unread(path)
-    is_whole = True
+    size, is_whole = None, True
     try:
         with Path(path).open("rb") as file:
             head = file.read(26)
             if head.startswith(START):
                 with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-                    size, is_whole = _jpeg_size(content)
+                    frame = find_jpeg_frame(content)
+                    if frame is not None:
+                        size, is_whole = frame.size_px, frame.is_whole
             elif head[:8] == _PNG and len(head) >= 24:
                 size = struct.unpack(">II", head[16:24])
             elif head[:4] in _TIFF:
@@ -410,15 +377,6 @@ def read_image_sizes(
         except InputError as why:
             unusable.append(UnusableFile(path, why.message))
     return sizes, tuple(unusable)
-
-
-def _jpeg_size(content: mmap.mmap) -> tuple[tuple[int, int] | None, bool]:
-    """Read the size, and whether the end marker is somewhere after the frame header."""
-    for segment, end in read_segments(content):
-        if segment.marker in _JPEG_FRAMES and len(segment.payload) >= 5:
-            height, width = struct.unpack_from(">HH", segment.payload, 1)
-            return (width, height), content.rfind(b"\xff\xd9", end) >= 0
-    return None, True
 
 
 def _tiff_size(path: str | Path) -> tuple[int, int] | None:

@@ -21,16 +21,15 @@ import numpy as np
 from PIL import ExifTags, Image
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.decoding import START, Segment
 from uavgram.io.photos.metadata import (
     APP0,
     APP1,
     DJI,
     EXIF_HEAD,
     PIX4D,
-    START,
     XMP_HEAD,
     Jpeg,
-    Segment,
     XmpTags,
     build_jpeg,
     parse_jpeg,
