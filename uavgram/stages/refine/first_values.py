@@ -338,6 +338,11 @@ def find_agreeing_control(here: Floats, there: Floats) -> Bools:
     return best
 
 
+def do_all_agree(here: Floats, there: Floats) -> bool:
+    """Return whether one movement takes all points (n, 2) to their places (n, 2)."""
+    return len(here) < 3 or bool(_find_agreeing(here, there, range(len(here))).all())
+
+
 def _find_agreeing(here: Floats, there: Floats, known: Sequence[int]) -> Bools:
     """Mark the points (n,) that agree with the best movement; none of fewer than two."""
     best = np.zeros(len(here), dtype=np.bool_)

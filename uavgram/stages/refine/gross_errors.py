@@ -32,7 +32,13 @@ from uavgram.estimation.reliability.redundancy import (
     reduce_squares,
 )
 from uavgram.estimation.reliability.stated_values import explain_length
-from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
+from uavgram.estimation.solver.normal_equations import (
+    DenseStack,
+    NormalEquations,
+    SingularError,
+    compute_cost,
+    compute_gradient,
+)
 from uavgram.estimation.survey.adjustment import (
     Adjustment,
     LeftOut,
@@ -57,7 +63,11 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import join_names, join_photo_names
 from uavgram.model.survey import Ground, Survey
-from uavgram.stages.refine.first_values import find_agreeing_control, find_first_values
+from uavgram.stages.refine.first_values import (
+    do_all_agree,
+    find_agreeing_control,
+    find_first_values,
+)
 from uavgram.stages.refine.left_out import (
     report_control_exchanged,
     report_control_left_out,
@@ -86,6 +96,7 @@ from uavgram.stages.refine.robust_adjustment import (
     decide,
     minimise_weighted_cost,
 )
+from uavgram.stages.refine.staged_sigmas import DAMPING
 
 ORDINARY_SIGMAS = 5.0
 """Standardised misfit up to which an ordinary adjustment is accepted without a robust one."""
@@ -605,7 +616,7 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     """
     exchanged: set[tuple[str, int, int]] = set()
     try_exchanged_readings = partial(_try_exchanged_readings, exchanged)
-    found = _sort_by_cost(taking, _adjust_from_softened(taking))
+    found = _sort_by_cost(taking, _take_until_agreed(_adjust_from_softened(taking)))
     found = _sort_by_cost(taking, chain(found, try_exchanged_readings(taking, found)))
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
@@ -632,6 +643,14 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
         if found[0].leaves_no_other() and found[0].keeps_lengths(taking):
             break
     return found
+
+
+def _take_until_agreed(candidates: Iterable[Candidate]) -> Iterator[Candidate]:
+    """Take candidates up to the first that fits, and in which nearly all observations agree."""
+    for one in candidates:
+        yield one
+        if one.is_agreed() and one.fits():
+            return
 
 
 def _try_without_references(
@@ -871,7 +890,11 @@ def _try_exchanged_readings(
         for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal), again=True):
             if one.leaves_out_nothing() or not found:
                 yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
-    for pair in _choose_untried("lengths", _list_lengths_to_exchange(taking), tried):
+    several = [one for one in found[:1] if len(one.annealed.problem.survey.frame_id) > 1]
+    lines = _list_lengths_to_exchange(taking)
+    for best in several:
+        lines = _choose_promising_lengths(best, goal, lines)
+    for pair in _choose_untried("lengths", lines, tried):
         length_m = survey.length_m.copy()
         length_m[pair] = length_m[pair[::-1]]
         reduced = replace(taking, survey=replace(survey, length_m=length_m))
@@ -882,6 +905,47 @@ def _try_exchanged_readings(
             is_determined = _adjust_without_candidate(one) is not None
             if one.leaves_out_nothing() and is_determined:
                 yield replace(one, price=LENGTH_EXCHANGE_COST)
+
+
+def _choose_promising_lengths(
+    best: Candidate, goal: float, pairs: Iterable[list[int]]
+) -> Iterator[list[int]]:
+    """Choose the pairs of lengths whose exchange explains what a candidate of several photos left.
+
+    One Gauss-Newton step with all observations and the exchanged readings gives the sum of squares
+    in the linear model. Several photos show the shape of the ground without lengths.
+
+    Parameters
+    ----------
+    best
+        The candidate of least cost.
+    goal
+        Sum of squares that the exchange has to reach.
+    pairs
+        Pairs of lengths, by row of the whole survey.
+    """
+    problem = best.annealed.problem
+    blocks = problem.evaluate(best.annealed.minimum.state)
+    if blocks is None or "lengths" not in blocks:
+        return
+    normal = NormalEquations(list(blocks.values()), problem.layout.size, problem.layout.structure)
+    factor, own = normal.factor(DAMPING), blocks["lengths"]
+    row = {int(line): k for k, line in enumerate(best.first.line_index[problem.line_index])}
+    survey = best.taking.survey
+    whole = normal.cost - float(normal.gradient @ factor.solve(normal.gradient))
+    for pair in pairs:
+        rows = [row[line] for line in pair if line in row]
+        change = survey.length_m[pair[::-1]] - survey.length_m[pair]
+        if len(rows) < 2:
+            yield pair
+            continue
+        residual = own.residual.copy()
+        residual[rows, 0] -= change / survey.length_sigma_m[pair]
+        exchanged = {**blocks, "lengths": replace(own, residual=residual)}
+        gradient = compute_gradient(exchanged.values(), problem.layout.size)
+        squares = compute_cost(exchanged.values()) - float(gradient @ factor.solve(gradient))
+        if squares <= max(goal, (1.0 - MIN_DECREASE_SHARE) * whole):
+            yield pair
 
 
 def _choose_untried(
@@ -913,9 +977,23 @@ def _list_control_to_exchange(
         list(pair)
         for pair in combinations(range(number), 2)
         if np.isin(pair, wrong).sum() >= max(least, int(is_shown))
+        and not (found and _contradicts_exchange(found[0], taking, list(pair)))
     ]
     if len(pairs) <= MOST_EXCHANGES and number + int(is_logged) >= LEAST_AGREEING_CONTROL:
         yield from pairs
+
+
+def _contradicts_exchange(best: Candidate, taking: Participants, pair: list[int]) -> bool:
+    """Return whether several photos show another shape than the control with a pair exchanged."""
+    found, survey = best.annealed, taking.survey
+    if not best.fits() or len(found.problem.survey.frame_id) < 2:
+        return False
+    row = best.annealed.problem.survey.row_of_label
+    known = [k for k, label in enumerate(survey.control_label) if survey.label[label] in row]
+    here = found.minimum.state.point[[row[survey.label[k]] for k in survey.control_label[known]]]
+    there = survey.control_world_m.copy()
+    there[pair] = there[pair[::-1]]
+    return not do_all_agree(here[:, :2], there[known, :2])
 
 
 def _list_lengths_to_exchange(taking: Participants) -> Iterator[list[int]]:
@@ -1048,11 +1126,15 @@ def _adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
         first = find_best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])))
     except GeometryError:
         return
+    has_heights = bool((count_photos(first.adjustment.survey) > 1).any())
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
             placed, problem = _build_stated_problem(adjustment, first, whole)
             annealed = anneal(problem, convert_state(adjustment, problem))
-            yield Candidate(taking, placed, annealed)
+            yield (found := Candidate(taking, placed, annealed))
+            has_heights &= not found.misplaced  # a photo of another place shows none
+    if not has_heights:
+        return
     with suppress(SingularError, ValueError):
         placed, problem = _build_stated_problem(first.adjustment, first, whole)
         survey = problem.survey
