@@ -682,7 +682,7 @@ def _try_without_two_lengths(
 ) -> Iterator[Candidate]:
     """Adjust robustly from first values without each pair of lengths, where no log gives others.
 
-    Several photos that agree need no such search.
+    Several photos that agree need no such search, nor does an explanation likelier than two errors.
 
     Parameters
     ----------
@@ -691,8 +691,10 @@ def _try_without_two_lengths(
     found
         Candidates so far, that of least cost first.
     """
-    if found and found[0].explains() and len(np.unique(taking.survey.pick_frame)) > 1:
-        return
+    if found and found[0].explains():
+        is_costly = found[0].cost(taking) + MAX_RIVAL_INCREASE > 2.0 * GROSS_SIGMAS**2
+        if not is_costly or len(np.unique(taking.survey.pick_frame)) > 1:
+            return
     whole, patience = _add_small_roughness(taking), _choose_patience(taking, found)
     lines = np.flatnonzero(~taking.line_removed).tolist()
     if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
@@ -1678,15 +1680,26 @@ def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str,
 
 
 def _adjust_rest(left: Participants, found: Annealed) -> Refined | None:
-    """Adjust the rest, from the robust adjustment where other first values lead nowhere near it."""
+    """Adjust the rest from first values, or from the robust adjustment where that is better.
+
+    Several photos show the shape of the ground: then first values lead to no other minimum, and the
+    robust adjustment, which is near the minimum, comes first.
+    """
     number = int(left.keep.sum())
+    starts = [
+        find_best_minima,
+        lambda taking: find_minima_from(taking, lambda survey: [_first_values(found, survey)]),
+    ]
+    if len(found.problem.survey.frame_id) >= SEVERAL_PHOTOS:
+        starts.reverse()
     results: list[Refined] = []
-    with suppress(GeometryError):
-        results.append(find_best_minima(left))
-    if not results or _cost_of_all(results[0], number) > (False, found.cost + MAX_RIVAL_INCREASE):
+    for adjust in starts:
         with suppress(GeometryError):
-            results.append(find_minima_from(left, lambda survey: [_first_values(found, survey)]))
-    return min(results, key=lambda one: _cost_of_all(one, number), default=None)
+            results.append(adjust(left))
+        best = min(results, key=lambda one: _cost_of_all(one, number), default=None)
+        if best and _cost_of_all(best, number) <= (False, found.cost + MAX_RIVAL_INCREASE):
+            break
+    return best
 
 
 def _cost_of_all(refined: Refined, picks: int) -> tuple[bool, float]:

@@ -22,6 +22,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey import Survey, SurveyCorrection
+from uavgram.stages.refine.causes.correction import readjust_corrected
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
     Diagnosis,
@@ -131,11 +132,19 @@ def _adjust_others(diagnosis: Diagnosis, frame: int) -> Diagnosis | None:
     return _adjust_corrected(diagnosis, SurveyCorrection(without_picks=frozenset(own.tolist())))
 
 
-def _adjust_corrected(diagnosis: Diagnosis, mend: SurveyCorrection) -> Diagnosis | None:
-    """Adjust a corrected survey with all that was left out; None without a result."""
+def _adjust_corrected(
+    diagnosis: Diagnosis, mend: SurveyCorrection, before: Diagnosis | None = None
+) -> Diagnosis | None:
+    """Adjust a corrected survey with all that was left out; None without a result.
+
+    It begins from first values, or from an adjustment with about the same correction.
+    """
     back = frozenset(np.flatnonzero(diagnosis.spoilt).tolist()) - mend.without_picks
     taking = correct_participants(diagnosis, mend, back, lines_back=True)
-    refined = adjust_on_trial(taking, QUICK_TRIAL)
+    if before is None:
+        refined = adjust_on_trial(taking, QUICK_TRIAL)
+    else:
+        refined = readjust_corrected(before, taking, Hypothesis(message=None, mend=mend), np.inf)
     return None if refined is None else Diagnosis(taking, refined)
 
 
@@ -155,8 +164,10 @@ def _improve_scale(diagnosis: Diagnosis, picks: Ints, scale: _Scale) -> _Scale |
     -------
     None where the adjustment does not converge.
     """
+    after: Diagnosis | None = None
     for _ in range(MAX_IMPROVEMENTS):
-        after = _adjust_corrected(diagnosis, _enlarge_picks(diagnosis.survey, picks, scale))
+        mend = _enlarge_picks(diagnosis.survey, picks, scale)
+        after = _adjust_corrected(diagnosis, mend, after)
         if after is None or not after.adjustment.minimum.converged:
             return None
         small = after.adjustment.survey
