@@ -721,7 +721,8 @@ def _try_without_suspects(taking: Participants, found: Sequence[Candidate]) -> I
         # A photo without picks takes part by matches alone, which stay.
         if rest.keep.sum() == before.keep.sum() or not _are_most_left(taking, rest):
             return
-        best = _sort_by_cost(rest, chain(_adjust_from_rest(rest), _adjust_from_softened(rest)))[:1]
+        each = chain(_adjust_from_rest(rest), _adjust_from_softened(rest))
+        best = _sort_by_cost(rest, _take_until_agreed(each))[:1]
         yield from best
         names = (*names, *best[0].misplaced) if best and best[0].misplaced else ()
 
@@ -904,8 +905,7 @@ def _try_exchanged_readings(
         patience = Patience(goal=goal)
         parts = (_add_small_roughness(reduced), _add_small_roughness(rest), rest)
         for one in _adjust_from_reduced(*parts, patience, again=True):
-            is_determined = _adjust_without_candidate(one) is not None
-            if one.leaves_out_nothing() and is_determined:
+            if one.leaves_out_nothing() and _adjust_without_candidate(one) is not None:
                 yield replace(one, price=LENGTH_EXCHANGE_COST)
 
 

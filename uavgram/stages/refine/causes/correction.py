@@ -180,7 +180,8 @@ def readjust_corrected(
         known_removed=taking.known_removed,
         pose_widened=taking.pose_widened,
     )
-    return refined if minimum.converged else adjust_on_trial(taking, most) or refined
+    is_hopeless = minimum.cost > goal  # a state that is far from it leads no nearer
+    return refined if minimum.converged or is_hopeless else adjust_on_trial(taking, most) or refined
 
 
 def _has_ties(selection: Selection) -> bool:

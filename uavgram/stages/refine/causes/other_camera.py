@@ -57,6 +57,10 @@ MAX_IMPROVEMENTS, MIN_IMPROVEMENT = 4, 0.1
 """Largest number of adjustments that improve a scale, and the decrease of the sum of squares below
 which none follows."""
 
+MIN_EXPLAINED_SHARE = 0.5
+"""Share of the cost that another scale has to explain in the linear model, where it is no better
+than the present state, for another adjustment."""
+
 CORNER_PX = np.array([-0.5, -0.5])
 """Corner of a photo: (0, 0) is the centre of its first pixel."""
 
@@ -179,7 +183,8 @@ def _improve_scale(diagnosis: Diagnosis, picks: Ints, scale: _Scale) -> _Scale |
             factor=scale.factor * float(np.exp(np.clip(test.value[0], -0.2, 0.2))),
             gain=diagnosis.cost - after.cost + test.gain,
         )
-        if test.gain < MIN_IMPROVEMENT:
+        is_poor = scale.gain < 0.0 and test.gain < MIN_EXPLAINED_SHARE * after.cost
+        if test.gain < MIN_IMPROVEMENT or is_poor:
             break
     return scale
 
