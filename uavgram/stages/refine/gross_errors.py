@@ -882,7 +882,7 @@ def _try_exchanged_readings(
         return
     goal = found[0].cost(taking) + MAX_RIVAL_INCREASE if found else np.inf
     survey = taking.survey
-    control = _list_control_to_exchange(taking, found)
+    control, is_explained = _list_control_to_exchange(taking, found), False
     for pair in _choose_untried("control", control, tried):
         world_m, sigma_m = survey.control_world_m.copy(), survey.control_sigma_m.copy()
         world_m[pair], sigma_m[pair] = world_m[pair[::-1]], sigma_m[pair[::-1]]
@@ -891,8 +891,12 @@ def _try_exchanged_readings(
         whole = _add_small_roughness(exchanged)
         names = tuple(survey.label[k] for k in survey.control_label[pair])
         for one in _adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal), again=True):
-            if one.leaves_out_nothing() or not found:
+            explains_all = one.leaves_out_nothing()
+            is_explained |= explains_all
+            if explains_all or not found:
                 yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
+    if is_explained:
+        return  # two lengths would cost more
     several = [one for one in found[:1] if len(one.annealed.problem.survey.frame_id) > 1]
     lines = _list_lengths_to_exchange(taking)
     for best in several:
@@ -988,7 +992,8 @@ def _list_control_to_exchange(
 def _contradicts_exchange(best: Candidate, taking: Participants, pair: list[int]) -> bool:
     """Return whether several photos show another shape than the control with a pair exchanged."""
     found, survey = best.annealed, taking.survey
-    if not best.fits() or len(found.problem.survey.frame_id) < 2:
+    is_reliable = best.fits() and found.minimum.converged and not best.misplaced
+    if not is_reliable or len(found.problem.survey.frame_id) < 2:
         return False
     row = best.annealed.problem.survey.row_of_label
     known = [k for k, label in enumerate(survey.control_label) if survey.label[label] in row]
