@@ -1133,14 +1133,12 @@ def _adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
         first = find_best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])))
     except GeometryError:
         return
-    has_heights = bool((count_photos(first.adjustment.survey) > 1).any())
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
             placed, problem = _build_stated_problem(adjustment, first, whole)
             annealed = anneal(problem, convert_state(adjustment, problem))
-            yield (found := Candidate(taking, placed, annealed))
-            has_heights &= not found.misplaced  # a photo of another place shows none
-    if not has_heights:
+            yield Candidate(taking, placed, annealed)
+    if not (count_photos(first.adjustment.survey) > 1).any():
         return
     with suppress(SingularError, ValueError):
         placed, problem = _build_stated_problem(first.adjustment, first, whole)
@@ -1685,26 +1683,15 @@ def _find_wrong_poses(found: Annealed, before: Mapping[str, float]) -> dict[str,
 
 
 def _adjust_rest(left: Participants, found: Annealed) -> Refined | None:
-    """Adjust the rest from first values, or from the robust adjustment where that is better.
-
-    Several photos show the shape of the ground: then first values lead to no other minimum, and the
-    robust adjustment, which is near the minimum, comes first.
-    """
+    """Adjust the rest, from the robust adjustment where other first values lead nowhere near it."""
     number = int(left.keep.sum())
-    starts = [
-        find_best_minima,
-        lambda taking: find_minima_from(taking, lambda survey: [_first_values(found, survey)]),
-    ]
-    if len(found.problem.survey.frame_id) >= SEVERAL_PHOTOS:
-        starts.reverse()
     results: list[Refined] = []
-    for adjust in starts:
+    with suppress(GeometryError):
+        results.append(find_best_minima(left))
+    if not results or _cost_of_all(results[0], number) > (False, found.cost + MAX_RIVAL_INCREASE):
         with suppress(GeometryError):
-            results.append(adjust(left))
-        best = min(results, key=lambda one: _cost_of_all(one, number), default=None)
-        if best and _cost_of_all(best, number) <= (False, found.cost + MAX_RIVAL_INCREASE):
-            break
-    return best
+            results.append(find_minima_from(left, lambda survey: [_first_values(found, survey)]))
+    return min(results, key=lambda one: _cost_of_all(one, number), default=None)
 
 
 def _cost_of_all(refined: Refined, picks: int) -> tuple[bool, float]:
