@@ -22,7 +22,6 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey import Survey, SurveyCorrection
-from uavgram.stages.refine.causes.correction import readjust_corrected
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
     Diagnosis,
@@ -136,19 +135,11 @@ def _adjust_others(diagnosis: Diagnosis, frame: int) -> Diagnosis | None:
     return _adjust_corrected(diagnosis, SurveyCorrection(without_picks=frozenset(own.tolist())))
 
 
-def _adjust_corrected(
-    diagnosis: Diagnosis, mend: SurveyCorrection, before: Diagnosis | None = None
-) -> Diagnosis | None:
-    """Adjust a corrected survey with all that was left out; None without a result.
-
-    It begins from first values, or from an adjustment with about the same correction.
-    """
+def _adjust_corrected(diagnosis: Diagnosis, mend: SurveyCorrection) -> Diagnosis | None:
+    """Adjust a corrected survey with all that was left out; None without a result."""
     back = frozenset(np.flatnonzero(diagnosis.spoilt).tolist()) - mend.without_picks
     taking = correct_participants(diagnosis, mend, back, lines_back=True)
-    if before is None:
-        refined = adjust_on_trial(taking, QUICK_TRIAL)
-    else:
-        refined = readjust_corrected(before, taking, Hypothesis(message=None, mend=mend), np.inf)
+    refined = adjust_on_trial(taking, QUICK_TRIAL)
     return None if refined is None else Diagnosis(taking, refined)
 
 
@@ -168,10 +159,8 @@ def _improve_scale(diagnosis: Diagnosis, picks: Ints, scale: _Scale) -> _Scale |
     -------
     None where the adjustment does not converge.
     """
-    after: Diagnosis | None = None
     for _ in range(MAX_IMPROVEMENTS):
-        mend = _enlarge_picks(diagnosis.survey, picks, scale)
-        after = _adjust_corrected(diagnosis, mend, after)
+        after = _adjust_corrected(diagnosis, _enlarge_picks(diagnosis.survey, picks, scale))
         if after is None or not after.adjustment.minimum.converged:
             return None
         small = after.adjustment.survey
