@@ -62,7 +62,7 @@ MAX_REUSE_DAMPING = 1e-8
 """Damping up to which a factor is kept for more than one step: the steps are as good as
 Newton's."""
 
-IMPOSSIBLE_DAMPING = 1e-3
+IMPOSSIBLE_DAMPING = 1e-2
 """Least damping after a step to an impossible state: less hardly shortens the step."""
 
 MAX_IMPOSSIBLE_SHARE = 0.3
