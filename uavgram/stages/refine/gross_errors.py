@@ -1138,8 +1138,6 @@ def _adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
             placed, problem = _build_stated_problem(adjustment, first, whole)
             annealed = anneal(problem, convert_state(adjustment, problem))
             yield Candidate(taking, placed, annealed)
-    if not (count_photos(first.adjustment.survey) > 1).any():
-        return
     with suppress(SingularError, ValueError):
         placed, problem = _build_stated_problem(first.adjustment, first, whole)
         survey = problem.survey
