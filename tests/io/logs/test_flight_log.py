@@ -104,7 +104,7 @@ def test_bytes_that_recur_at_the_distance_of_a_frame_are_no_stream_without_time_
 
     def record(period: int) -> bytes:  # its text begins like a frame that ends in the next record
         text = bytes([0xFE, period - 8]) + b"hovering"
-        return whole[:8] + mavlink.statustext_encode(6, text).pack(mavlink)
+        return bytes(whole[:8] + mavlink.statustext_encode(6, text).pack(mavlink))
 
     path = tmp_path / "flight.tlog"
     path.write_bytes(6 * record(len(record(255))) + whole)

@@ -536,7 +536,9 @@ class Candidate:
         Its pose adapts to the other photo, though both may be of different scales.
         """
         photos = len(np.unique(self.taking.survey.pick_frame[self.first.pick_index]))
-        return photos == 2 and self._wrong_references > MOST_GROSS_OF_A_PHOTO
+        found = self.annealed
+        price = sum(compute_gross_cost(name) * len(found.gross(name)) for name in found.misfit)
+        return photos == 2 and price >= MOST_GROSS_OF_A_PHOTO * GROSS_SIGMAS**2
 
     def doubts_a_photo(self) -> bool:
         """Return whether much is wrong, and more picks than lengths, known things and control."""
