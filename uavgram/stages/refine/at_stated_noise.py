@@ -209,7 +209,8 @@ def _find_common_errors(
     wrong = found.left_out + len(accusing) + robust.count_others()
     core = compute_core_fit(robust.refined.adjustment).probability
     fits = found.fits or (wrong == 1 and core >= MISFIT_PROBABILITY)
-    if wrong <= 1 and fits and not robust.refined.is_log_left_out:
+    is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
+    if wrong <= int(not is_alone) and fits and not robust.refined.is_log_left_out:
         return None
     plain = adjust_on_trial(taking, FULL)
     if plain is None:
