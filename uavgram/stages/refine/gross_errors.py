@@ -754,7 +754,7 @@ def _try_without_photos(taking: Participants, found: Sequence[Candidate]) -> Ite
         yield from agreeing
         # A photo of several whose picks mostly agree shows this place, also where that is no
         # better.
-        if len(photos) == 2 or not agreeing:
+        if len(photos) == 2 or not any(one.explains() for one in agreeing):
             yield candidate
 
 
