@@ -73,23 +73,6 @@ def test_misra1a_of_nist_to_its_certified_digits(start: tuple[float, float]) -> 
     np.testing.assert_allclose(sigma, CERTIFIED_SD, rtol=1e-5)
 
 
-def test_iterations_end_where_the_minimum_is_among_impossible_states() -> None:
-    """The sum of squares falls up to the edge: most steps over it are refused, and none helps."""
-    tried: list[float] = []
-
-    def evaluate(b: Floats) -> dict[str, Block] | None:
-        tried.append(float(b[0]))
-        if b[0] < 1.0:
-            return None
-        return {"y": Block(b[:, None] + 1.0, np.array([[0]]), np.ones((1, 1, 1)))}
-
-    found = minimise(np.array([5.0]), evaluate, lambda b, step: b + step, 1, most=40)
-    assert not found.converged
-    assert found.state[0] >= 1.0
-    assert len(tried) < 40
-    assert sum(b < 1.0 for b in tried) <= 13
-
-
 @pytest.mark.parametrize("start", [(500.0, 1e-4), (250.0, 5e-4)])
 def test_iterations_end_where_a_required_sum_of_squares_is_out_of_reach(
     start: tuple[float, float],

@@ -62,12 +62,6 @@ MAX_REUSE_DAMPING = 1e-8
 """Damping up to which a factor is kept for more than one step: the steps are as good as
 Newton's."""
 
-IMPOSSIBLE_DAMPING = 1e-2
-"""Least damping after a step to an impossible state: less hardly shortens the step."""
-
-MAX_IMPOSSIBLE_SHARE = 0.3
-"""Share of all steps that may lead to impossible states: along their edge there is no minimum."""
-
 MAX_REFUSED_REDUCTION_EACH = 5e-9
 """Predicted reduction per unknown up to which a step that hardly reduces the sum of squares is the
 last: it fails at kinks of the interpolated flight, and in large systems each try costs a
@@ -197,9 +191,8 @@ def minimise(
 class _Iteration(Generic[State]):
     """Present state of an iteration, and the functions that it calls; see `minimise`.
 
-    `halfway` is the sum of squares after half of the largest number of steps, `impossible` the
-    number of steps to impossible states, and `is_hopeless` whether the goal, or any minimum, is out
-    of reach.
+    `halfway` is the sum of squares after half of the largest number of steps, and `is_hopeless`
+    whether the goal is out of reach.
     """
 
     evaluate: Callable[[State], dict[str, Block] | None]
@@ -214,7 +207,6 @@ class _Iteration(Generic[State]):
     normal: NormalEquations
     count: int = 0
     halfway: float = np.inf
-    impossible: int = 0
     is_hopeless: bool = False
 
     def _try(self, step: Floats) -> tuple[State, dict[str, Block] | None, float]:
@@ -256,10 +248,7 @@ class _Iteration(Generic[State]):
             if predicted < max(at_rest, ROUNDING_SHARE * self.cost) or damping > MAX_DAMPING:
                 break
             left = min(most - self.count + 1, PACE_STEPS)
-            self.is_hopeless = (
-                self.cost - left * predicted > self.goal
-                or self.impossible > MAX_IMPOSSIBLE_SHARE * most
-            )
+            self.is_hopeless = self.cost - left * predicted > self.goal
             if self.is_hopeless:
                 break
             state, blocks, cost = self._try(step)
@@ -271,8 +260,11 @@ class _Iteration(Generic[State]):
                 damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
                 growth = 2.0
             elif fresh:
-                self.impossible += blocks is None
-                damping, growth = self._raise_damping(damping, growth, blocks)
+                damping, growth = damping * growth, 2.0 * growth
+                # With less damping than that the same step would be refused again, each time at
+                # the cost of a factorisation.
+                while self.size > LARGE_SYSTEM and damping < MAX_REUSE_DAMPING:
+                    damping, growth = damping * growth, 2.0 * growth
             if fresh and gain < MIN_ACHIEVED_SHARE and predicted < refused:
                 break
             crawls = not fresh and predicted > MAX_REDUCTION_RATIO * before
@@ -286,19 +278,6 @@ class _Iteration(Generic[State]):
             ):
                 factor = None
             before = predicted
-
-    def _raise_damping(
-        self, damping: float, growth: float, refused: dict[str, Block] | None
-    ) -> tuple[float, float]:
-        """Return the damping after a refused step, and the growth of the next one."""
-        damping, growth = damping * growth, 2.0 * growth
-        if refused is None:
-            damping = max(damping, IMPOSSIBLE_DAMPING)
-        # With less damping than that the same step would be refused again, each time at the cost
-        # of a factorisation.
-        while self.size > LARGE_SYSTEM and damping < MAX_REUSE_DAMPING:
-            damping, growth = damping * growth, 2.0 * growth
-        return damping, growth
 
     def search_along(self, step: Floats, least: float) -> float:
         """Move to the smallest sum of squares along a step, if it falls by at least so much.
