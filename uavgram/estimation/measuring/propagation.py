@@ -211,14 +211,14 @@ def _measure_over_ground(
         request.kind, points, lifted, dict(request.parameters)
     )
     effects = dict(zip(sources, (by_feet[:, 2] * below.sigma_m).tolist(), strict=True))
-    told = below.is_determined[:, None]
+    is_determined = below.is_determined[:, None]
     return Measurand(
         request.name,
         request,
         value,
-        by_points + np.where(told, by_feet, 0.0),
+        by_points + np.where(is_determined, by_feet, 0.0),
         {source: effect for source, effect in effects.items() if effect},
-        np.where(told, 0.0, by_feet),
+        np.where(is_determined, 0.0, by_feet),
     )
 
 

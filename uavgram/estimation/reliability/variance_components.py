@@ -7,8 +7,9 @@ unknowns integrated out, are the restricted maximum-likelihood estimates of the 
 4), to which Helmert's method converges too.
 
 The groups' own normal matrices are added up, N = sum of w N_k: the products whose cost grows with
-the number of observations are computed once. The trace of a group's part of the hat matrix is that
-of w N_k N^-1: the sum of the products of their entries, all of which are on the pattern.
+the number of observations are computed once. The trace of a group's part of the hat matrix is the
+trace of w N_k N^-1, the sum of products of the entries of both; only entries of the sparse pattern
+of N occur.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class WeightedFit(NamedTuple):
 
 
 class WeightedProblem:
-    """Linear observations, some groups of which have weights.
+    """Linear observations; a weight applies to all observations of a group.
 
     Parameters
     ----------

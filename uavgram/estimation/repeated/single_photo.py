@@ -263,7 +263,7 @@ class PredictedLengths(NamedTuple):
         (M,) to first order.
     bent
         Second-order terms of the variance and of the mean.
-    lengths, picks, beforehand, camera, tape, ground
+    lengths, picks, prior, camera, tape, ground
         (M,) parts of the variance: by the readings, by all picks, by the prior pose, by the
         camera's parameters, by the tape's scale, by the ground's plane. They add up to it.
     """
@@ -272,7 +272,7 @@ class PredictedLengths(NamedTuple):
     bent: SecondOrderTerms
     lengths: Floats
     picks: Floats
-    beforehand: Floats
+    prior: Floats
     camera: Floats
     tape: Floats
     ground: Floats
@@ -313,7 +313,7 @@ def predict_lengths(shared: SharedErrors, exact: Photos, pairs: Ints) -> Predict
     at = [known, first - 6, first, first + shared.ground.start, first + shared.ground.stop]
     # Variance by each error: squared slope; summed by source.
     squares = slopes.by_error[known:] ** 2
-    lengths, picks, beforehand, camera, ground, tape = (
+    lengths, picks, prior, camera, ground, tape = (
         part.sum(axis=1) for part in np.split(squares, at, axis=1)
     )
     return PredictedLengths(
@@ -321,7 +321,7 @@ def predict_lengths(shared: SharedErrors, exact: Photos, pairs: Ints) -> Predict
         bent=compute_second_order(shared, exact, pairs, slopes.by_error),
         lengths=lengths,
         picks=picks,
-        beforehand=beforehand,
+        prior=prior,
         camera=camera,
         tape=tape,
         ground=ground,

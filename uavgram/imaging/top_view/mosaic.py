@@ -292,7 +292,7 @@ def split_bands(corner: Floats, box: Box, cell_px: int) -> Iterator[Box]:
 
 
 def _ends(some: Bools) -> tuple[int, int]:
-    """Find first and last but one of the cells about corners of which some have a weight."""
+    """Return the range of the cells (first, last + 1) that touch a corner with a weight."""
     at = np.flatnonzero(some)
     return max(int(at[0]) - 1, 0), min(int(at[-1]) + 1, len(some) - 1)
 

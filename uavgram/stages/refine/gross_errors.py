@@ -445,11 +445,11 @@ class Candidate:
         return bool(squares < chdtri(degrees, MISFIT_PROBABILITY))
 
     def is_agreed(self) -> bool:
-        """Return whether nearly all take part and no other length could be the wrong one."""
+        """Return whether nearly all take part, and no other length or the log could be wrong."""
         is_converged = self.annealed.minimum.converged and not self.misplaced
         gross = self._count_gross_errors()
         number = sum(map(len, self.annealed.misfit.values()))
-        if not is_converged or gross > max(1, FEW_GROSS_SHARE * number):
+        if not is_converged or gross > max(1, FEW_GROSS_SHARE * number) or self.gives_up_log():
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead

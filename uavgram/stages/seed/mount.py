@@ -78,9 +78,9 @@ def report_stated_mount(
     )
     if contradicts:
         text = (
-            f"The mount of the camera, as chosen, contradicts the recorded angles: its own angles "
-            f"({source}) are up to {turns_deg.max():.1f} degrees apart, and were not used. Check "
-            "how the camera hung. If you are not sure, write `auto` into `mount`."
+            "The mount that the project states contradicts the recorded angles: the gimbal's own "
+            f"angles ({source}) are up to {turns_deg.max():.1f} degrees apart, and were not used. "
+            "Check how the camera hung. If you are not sure, write `auto` into `mount`."
         )
     return Message("warning" if contradicts else "info", "mount-stated", text)
 
