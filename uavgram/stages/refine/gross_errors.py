@@ -449,7 +449,8 @@ class Candidate:
         is_converged = self.annealed.minimum.converged and not self.misplaced
         gross = self._count_gross_errors()
         number = sum(map(len, self.annealed.misfit.values()))
-        if not is_converged or gross > max(1, FEW_GROSS_SHARE * number) or self.gives_up_log():
+        is_log_lost = gross > 1 and self.gives_up_log()
+        if not is_converged or gross > max(1, FEW_GROSS_SHARE * number) or is_log_lost:
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead
