@@ -13,7 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownThing
 from uavgram.model.survey import Survey
-from uavgram.stages.refine.gross_errors import Robust
+from uavgram.stages.refine.cleaned_adjustment import Robust
 
 LOG: Mapping[str, Any] = {"frames": 4, "lines": 8, "labels": 14}
 NO_LOG: Mapping[str, Any] = {**LOG, "telemetry": False, "gauge": "plane"}

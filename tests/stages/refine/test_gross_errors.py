@@ -38,7 +38,16 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import Survey
-from uavgram.stages.refine import first_values, gross_errors, minima, robust_adjustment
+from uavgram.stages.refine import (
+    cleaned_adjustment,
+    exchanged_readings,
+    first_values,
+    gross_errors,
+    minima,
+    reduced_starts,
+    robust_adjustment,
+    robust_candidate,
+)
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, Patience, find_best_minima
 from uavgram.stages.refine.robust_adjustment import ZERO_WEIGHT
@@ -77,8 +86,8 @@ def test_a_misplaced_photo_without_picks_is_not_left_out_again_and_again() -> No
     name = taking.survey.frame_id[0]
     found: Any = [SimpleNamespace(misplaced=(name,))]
 
-    rest = taking.leave_out_frames([name], gross_errors.MISPLACED)
-    assert not list(gross_errors._try_without_suspects(rest, found))
+    rest = taking.leave_out_frames([name], robust_candidate.MISPLACED)
+    assert not list(reduced_starts.try_without_suspects(rest, found))
 
 
 # --- the standardised misfit --------------------------------------------------------------------
@@ -208,9 +217,10 @@ class Counted:
             self.weighted += 1
             return weigh(problem, state, weight, softness, goal)
 
-        monkeypatch.setattr(gross_errors, "find_best_minima", best)
-        monkeypatch.setattr(gross_errors, "minimise_weighted_cost", weighted)
-        monkeypatch.setattr(robust_adjustment, "minimise_weighted_cost", weighted)
+        for module in (gross_errors, robust_candidate, cleaned_adjustment):
+            monkeypatch.setattr(module, "find_best_minima", best)
+        for module in (robust_adjustment, robust_candidate, cleaned_adjustment, reduced_starts):
+            monkeypatch.setattr(module, "minimise_weighted_cost", weighted)
 
 
 @BOTH
@@ -265,8 +275,9 @@ def test_no_two_readings_are_exchanged_twice(monkeypatch: pytest.MonkeyPatch) ->
             tried.append(reduced.survey.length_m.tobytes())
         return iter(())
 
-    monkeypatch.setattr(gross_errors, "_adjust_from_softened", lambda _: iter(()))
-    monkeypatch.setattr(gross_errors, "_adjust_from_reduced", adjust)
+    monkeypatch.setattr(gross_errors, "adjust_from_softened", lambda _: iter(()))
+    for module in (reduced_starts, exchanged_readings):
+        monkeypatch.setattr(module, "adjust_from_reduced", adjust)
     adjust_robustly(all_of(wrong.survey))
     assert len(tried) == len(set(tried)) > 0
 
@@ -351,8 +362,8 @@ def test_labels_swapped_in_a_photo_that_misleads_all_first_values_leave_alone(
     """The photo returns by those of its picks that agree on a pose."""
     scene = make_scene(3, **BASES[base])
     survey, wrong = swapped_in_one_photo(scene)
-    monkeypatch.setattr(gross_errors, "_adjust_from_softened", lambda _: iter(()))
-    monkeypatch.setattr(gross_errors, "_try_without_references", lambda *_: iter(()))
+    monkeypatch.setattr(gross_errors, "adjust_from_softened", lambda _: iter(()))
+    monkeypatch.setattr(gross_errors, "try_without_references", lambda *_: iter(()))
     found = adjust_robustly(all_of(survey))
 
     assert frozenset(found.refined.pick_reason) == wrong
@@ -412,7 +423,7 @@ def test_of_two_photos_that_fit_alone_neither_is_accused(base: str, seed: int) -
 
     left = list(found.refined.pick_reason)
     assert len(np.unique(survey.pick_frame[left])) == 1
-    assert set(found.refined.pick_reason.values()) == {gross_errors.EITHER}
+    assert set(found.refined.pick_reason.values()) == {reduced_starts.EITHER}
     assert not found.refined.line_removed.any()
 
 
@@ -431,7 +442,7 @@ def test_where_no_explanation_keeps_a_scale_the_ordinary_adjustment_remains(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As where the readings of two lengths were exchanged, and all others seem wrong with them."""
-    monkeypatch.setattr(gross_errors.Candidate, "has_scale", lambda _: False)
+    monkeypatch.setattr(robust_candidate.Candidate, "has_scale", lambda _: False)
     taking = all_of(survey_with("length by 2 m", NO_LOG, 1)[1].survey)
     found = adjust_robustly(taking)
 

@@ -37,8 +37,9 @@ from uavgram.stages.refine.causes.identification import (
 from uavgram.stages.refine.causes.swapped_labels import propose_swapped_pair
 from uavgram.stages.refine.causes.turned_photos import propose_photos_elsewhere
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
+from uavgram.stages.refine.cleaned_adjustment import Robust
 from uavgram.stages.refine.first_values import find_picks_in_lens
-from uavgram.stages.refine.gross_errors import Robust, adjust_robustly
+from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, adjust_on_trial, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
 

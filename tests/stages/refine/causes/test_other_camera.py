@@ -19,8 +19,9 @@ from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
 from uavgram.stages.refine.causes.other_camera import MIN_DIFFERENCE, propose_other_zoom
 from uavgram.stages.refine.first_values import find_picks_in_lens
-from uavgram.stages.refine.gross_errors import MISPLACED, adjust_robustly
+from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.robust_candidate import MISPLACED
 
 OPTIONS: dict[str, Any] = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
 EXACT: dict[str, Any] = OPTIONS | {"noise": 0.1}

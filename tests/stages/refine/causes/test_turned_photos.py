@@ -19,8 +19,8 @@ from uavgram.stages.refine.causes.turned_photos import (
     propose_photos_elsewhere,
     propose_turned_photos,
 )
-from uavgram.stages.refine.gross_errors import MISPLACED
 from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.robust_candidate import MISPLACED
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
 WIDTH, HEIGHT = 2000, 1500

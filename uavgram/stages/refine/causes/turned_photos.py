@@ -31,7 +31,7 @@ from uavgram.stages.refine.causes.hypothesis import (
 from uavgram.stages.refine.causes.label_assignment import assign_labels
 from uavgram.stages.refine.causes.other_poses import compute_decreases
 from uavgram.stages.refine.causes.stray_picks import labels_of
-from uavgram.stages.refine.gross_errors import EITHER
+from uavgram.stages.refine.reduced_starts import EITHER
 
 MAX_PHOTOS = 12
 """Largest number of left-out photos that are examined."""

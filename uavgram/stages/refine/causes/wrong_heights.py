@@ -18,8 +18,8 @@ from uavgram.model.message import Message
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import STRAY_DECREASE, find_stray_picks, labels_of
-from uavgram.stages.refine.gross_errors import OFF_GROUND_M
 from uavgram.stages.refine.off_ground import off_ground_message
+from uavgram.stages.refine.robust_candidate import OFF_GROUND_M
 
 STEP_M = 0.01
 """Height step [m] for the derivatives of the pixels of a point."""
