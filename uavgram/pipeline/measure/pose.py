@@ -49,6 +49,7 @@ from uavgram.stages.seed.photo_exposures import (
     compute_positions,
     find_photo_home,
     place_photos,
+    refer_heights_to_control,
 )
 from uavgram.stages.seed.track import build_track, find_home, gather_evidence
 from uavgram.stages.synchronise import Synchronised, synchronise
@@ -200,7 +201,13 @@ def _seed_from_photos(inputs: Inputs, poses: PhotoPoses) -> PosedFrames:
     source = ", ".join(project.pose_sources)
     messages: tuple[Message, ...] = ()
     try:
-        place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
+        if stated is None:
+            height_m = _list_control_heights(inputs, poses.datum)
+            poses, shifted = refer_heights_to_control(poses, height_m, project.ground.height_m)
+            place, messages = find_photo_home(poses)
+            messages = (*messages, *shifted)
+        else:
+            place = stated
         exposures, more = place_photos(poses, place, project.mount, project.telemetry)
     except UavgramError as fault:  # add the name of the file, and the altitudes that are missing
         unused = (one.text for one in inputs.messages if one.code == "odd-altitude")
@@ -208,6 +215,14 @@ def _seed_from_photos(inputs: Inputs, poses: PhotoPoses) -> PosedFrames:
     frames = _photo_frames(inputs, poses, exposures.frame_id)
     _require_matched(frames, source)
     return _seed(inputs, frames, exposures, (place, poses.datum), (*messages, *more))
+
+
+def _list_control_heights(inputs: Inputs, datum: HeightDatum) -> Floats:
+    """Return the heights (n,) of picked geodetic control points, in the poses' datum [m]."""
+    control, picked = inputs.control, np.isin(inputs.control.label, inputs.picks.label)
+    if control.kind != "geodetic" or not picked.any():
+        return np.zeros(0)
+    return np.asarray(control.coordinates[picked, 2] + height_shift(inputs, datum))
 
 
 def _remove_lever_arm(mount: MountOptions) -> tuple[MountOptions, tuple[Message, ...]]:

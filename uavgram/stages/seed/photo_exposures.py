@@ -8,6 +8,7 @@ degrees off, its compass 2.3 (Narrabeen, resection of the targets).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -63,6 +64,40 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
     )
     origin = (float(poses.latitude_deg[k]), float(poses.longitude_deg[k]), height)
     return origin, (Message("info", "origin-first-photo", text),)
+
+
+def refer_heights_to_control(
+    poses: PhotoPoses, control_height_m: Floats, ground_height_m: float
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Shift the photos' altitudes to the height reference of control points.
+
+    Altitudes without RTK are off by tens of metres together, as they come from the barometer;
+    heights above take-off are not. With the shift, the ground at the median control point is as
+    high above take-off as the project states.
+
+    Parameters
+    ----------
+    poses
+        Poses as read.
+    control_height_m
+        Heights (C,) of control points, in the poses' datum.
+    ground_height_m
+        Height of the ground above the place of take-off.
+    """
+    take_off_m = poses.height_m - poses.height_home_m
+    take_off_m = take_off_m[np.isfinite(take_off_m)]
+    is_exact = not poses.datum_guess or np.isfinite(poses.sigma_vertical_m).any()
+    if is_exact or not take_off_m.size or not control_height_m.size:
+        return poses, ()
+    shift_m = float(np.median(control_height_m) - np.median(take_off_m)) - ground_height_m
+    text = (
+        f"All altitudes of the photos were shifted by {shift_m:+.1f} m to the heights of the "
+        "control points: without RTK they are off together by tens of metres, and heights above "
+        f"take-off are not. The ground at the control points is taken to be {ground_height_m:g} m "
+        "above take-off up to ground.height_sigma_m; where it is not, set ground.height_m."
+    )
+    shifted = replace(poses, height_m=poses.height_m + shift_m)
+    return shifted, (Message("info", "heights-by-control", text),)
 
 
 def place_photos(
