@@ -24,6 +24,17 @@ from uavgram.stages.refine.robust_adjustment import LEAST_REDUNDANCY, Annealed
 MAX_RIVAL_INCREASE = 2.0 * float(np.log(20.0))
 """Difference of costs up to which another explanation has odds of more than 1 in 20."""
 
+MAX_CHANCE_MATCH = 0.02
+"""Largest relative sigma of a length that shows a known mistake. With a larger one, the ten ratios
+of `explain_ratio` and their 3 sigma would cover more than a tenth of all ratios up to 1,000."""
+
+USUAL_LOG_RATIO = 0.5
+"""Usual size of a gross error of a length, as the logarithm of the ratio of both lengths: one
+misread digit may change it by half."""
+
+LEAST_SHARE = 1e-3
+"""Least share of a taped length that the others show, as the ratio has no logarithm at zero."""
+
 
 def has_rival(found: Annealed, row: int) -> bool:
     """Return whether another length explains the misfit of a removed one, in the linear model."""
@@ -116,9 +127,32 @@ def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats,
 
 def is_known_mistake(found: Annealed, row: int) -> bool:
     """Return whether a removed length has another unit, or a misplaced decimal point."""
+    taped_m, seen_m, seen_sigma_m = _compare_length(found, row)
+    if seen_sigma_m > MAX_CHANCE_MATCH * abs(seen_m):
+        return False  # so many lengths would match one of the mistakes by chance
+    sigma_m = float(found.problem.survey.length_sigma_m[found.problem.line_index[row]])
+    return bool(explain_length(taped_m, sigma_m, seen_m, seen_sigma_m))
+
+
+def compute_size_cost(found: Annealed) -> float:
+    """Compute the cost of the sizes of errors of removed lengths; known mistakes have none.
+
+    Errors of half the length are usual, such of many times the length are not: the logarithm of the
+    ratio of both lengths has a Cauchy distribution, of scale `USUAL_LOG_RATIO`.
+    """
+    cost = 0.0
+    for row in found.gross("lengths").tolist():
+        taped_m, seen_m, _ = _compare_length(found, row)
+        if not is_known_mistake(found, row):
+            log_ratio = np.log(taped_m / max(seen_m, LEAST_SHARE * taped_m))
+            cost += 2.0 * float(np.log1p((log_ratio / USUAL_LOG_RATIO) ** 2))
+    return cost
+
+
+def _compare_length(found: Annealed, row: int) -> tuple[float, float, float]:
+    """Return a removed length as taped, as all others show it, and the sigma of that [m]."""
     survey, line = found.problem.survey, found.problem.line_index[row]
-    taped, sigma = float(survey.length_m[line]), float(survey.length_sigma_m[line])
+    taped_m, sigma_m = float(survey.length_m[line]), float(survey.length_sigma_m[line])
     root = np.sqrt(found.weight["lengths"][row])
-    error_m = float(found.minimum.blocks["lengths"].residual[row, 0] / root) * sigma
-    error_sigma_m = abs(error_m) / float(found.misfit["lengths"][row])
-    return bool(explain_length(taped, sigma, taped + error_m, error_sigma_m))
+    error_m = float(found.minimum.blocks["lengths"].residual[row, 0] / root) * sigma_m
+    return taped_m, taped_m + error_m, abs(error_m) / float(found.misfit["lengths"][row])

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri
@@ -33,7 +34,7 @@ from uavgram.stages.refine.minima import (
 )
 from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.readjustment import convert_state
-from uavgram.stages.refine.rival_errors import has_rival
+from uavgram.stages.refine.rival_errors import compute_size_cost, has_rival
 from uavgram.stages.refine.robust_adjustment import (
     ROBUST,
     SCHEDULE,
@@ -153,7 +154,12 @@ class Candidate:
         gross = np.where(placed > 0, lost, np.minimum(lost, MOST_GROSS_OF_A_PHOTO))
         usual = 2.0 * (lost - gross)  # expected sum of squares of two numbers each
         picks = float(np.sum(GROSS_SIGMAS**2 * gross + usual))
-        return self.annealed.cost + picks + self._count_lost_numbers(whole) + self.price
+        return self._own_cost + picks + self._count_lost_numbers(whole)
+
+    @cached_property
+    def _own_cost(self) -> float:
+        """Cost of the observations that have a place."""
+        return self.annealed.cost + compute_size_cost(self.annealed) + self.price
 
     def _count_lost_numbers(self, whole: Participants) -> int:
         """Count the numbers of lengths, known things and control that have no part in it."""
