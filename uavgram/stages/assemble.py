@@ -377,11 +377,9 @@ def _gauge(survey: Survey) -> Iterator[Message]:
             "info",
             "gauge-plane",
             "Nothing fixes position and heading (no flight log, fewer than two control points, no "
-            "lines of known position): "
-            "coordinates are relative to the first frame, "
-            f"{survey.frame_id[0]}: its camera is above 0, 0, and up in it is north. Lengths, "
-            "areas and angles do not depend on that.",
-            frames=survey.frame_id[:1],
+            "lines of known position): coordinates are relative to the first photo that is used. "
+            "Its camera is above 0, 0, and up in it is north. Lengths, areas and angles do not "
+            "depend on that.",
         )
 
 

@@ -310,13 +310,12 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
 
 
 def _difference_text(changes: Sequence[DistanceChanges]) -> str:
-    """Describe by how much alternatives change the distances between the points."""
-    one_each = "; ".join(
-        f"{format_digits(100 * one.median)} % as a rule and up to "
-        f"{format_digits(100 * one.largest)} %"
-        for one in changes
+    """Describe by how much the distances between the points differ in the other solutions."""
+    median, largest = (
+        format_digits(100.0 * max(each))
+        for each in ([one.median for one in changes], [one.largest for one in changes])
     )
-    return f"distances between the points change by {one_each}"
+    return f"in another one, a distance usually differs by {median} %, and at most by {largest} %"
 
 
 def _report_weak_lengths(refined: Refined) -> Iterator[Message]:
