@@ -58,6 +58,18 @@ def test_a_handful_of_pairs_is_never_certain() -> None:
     assert not align(np.array([5.0]), 0.001, np.array([2.0])).unique
 
 
+@pytest.mark.parametrize("photos", [4, 5, 6])
+def test_few_photos_of_a_hovering_drone_find_their_offset(photos: int) -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        event = 100.0 + np.cumsum(rng.uniform(20.0, 30.0, photos))
+        result = align(event + 14.228, 0.001, event)
+        assert result.unique, seed
+        assert result.clock.offset_s == pytest.approx(14.228, abs=1e-3)
+        even = 100.0 + 25.0 * np.arange(photos)
+        assert not align(even + 14.228, 0.001, even).unique
+
+
 def test_a_missed_shot_in_the_middle_shifts_no_pair() -> None:
     rng = np.random.default_rng(5)
     event = survey(rng, 60, 0.3)

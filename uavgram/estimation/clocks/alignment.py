@@ -221,7 +221,8 @@ def _count_pairs(
     near = np.abs(residual) <= tolerance_s
     matched = len(np.unique(index[near]))
     excused = int(_may_be_missing(time[~near], event_s, usual_s, tolerance_s).sum())
-    allowed = max(2, int(_MAX_LOST_SHARE * matched))
+    # Any offset pairs one photo: more may be excused only where more are paired.
+    allowed = min(max(2, int(_MAX_LOST_SHARE * matched)), matched // 2)
     return Fit(clock, np.where(near, index, -1), matched, min(excused, allowed))
 
 
