@@ -11,7 +11,13 @@ from off_ground import with_third_coordinates
 from place_only_scenes import LENS, place_only
 from scenes import Scene, cv_pixels, make_scene
 
-from uavgram.estimation.first_poses.first_values import FirstValues, add_first_ties, add_free_points
+from uavgram.estimation.first_poses.first_values import (
+    MAX_RISE,
+    FirstValues,
+    add_first_ties,
+    add_free_points,
+    estimate_length_poses,
+)
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import Sightings
@@ -132,3 +138,20 @@ def test_a_point_beside_a_camera_has_no_first_value(away_m: float, ties: int) ->
 
     assert usable.ties.points == len(first) == ties
     np.testing.assert_allclose(first, place[None][:ties], atol=1e-3)
+
+
+@pytest.mark.parametrize("rise_m", [0.12, 2.0])
+def test_lengths_from_the_road_to_a_kerb_place_a_single_photo(rise_m: float) -> None:
+    """Each of the four lengths ends on a kerb of stated height; a wall would be too high."""
+    ends = ((0, 4), (1, 5), (2, 6), (3, 7))
+    heights = dict.fromkeys(range(4), rise_m)
+    scene = make_scene(
+        3, frames=1, gauge="plane", telemetry=False, heights=heights, ends=ends, noise=0.0
+    )
+    found = estimate_length_poses(scene.survey)
+
+    assert len(found) == int((rise_m <= MAX_RISE * scene.survey.length_m).sum() >= 3)
+    assert len(found) == int(rise_m < 1.0)
+    for poses in found.values():
+        height_m = 1.0 / np.linalg.norm(poses.plane, axis=1)
+        assert np.abs(height_m / scene.truth.center[0, 2] - 1.0).min() < 0.1

@@ -52,6 +52,11 @@ MAX_HEIGHT_SIGMA_M = 0.3
 m."""
 
 
+MAX_RISE = 0.1
+"""Largest difference in height between the ends of a length, as a share of it, with which it may
+place cameras, as if both ends were on one plane."""
+
+
 class FirstValues(NamedTuple):
     """Initial values; NaN if nothing determines them.
 
@@ -103,19 +108,22 @@ class SeenLines(NamedTuple):
         (S,) of the survey.
     start, end
         (S,) picks of the two ends.
+    sigma_m
+        (S,) of the length between the ends as if on one plane: a rise moves one of them there by
+        about as much, at a usual view.
     """
 
     frame: Ints
     line: Ints
     start: Ints
     end: Ints
+    sigma_m: Floats
 
 
 def find_seen_lines(survey: Survey) -> SeenLines:
     """Find the known lengths with both ends in a frame, of those that a plane can start from.
 
-    Both ends must be in one area and at one height above it (others would need a ray of their own:
-    they refine the pose but do not start it), and on two pixels.
+    Both ends must be in one area, at nearly one height above it, and on two pixels.
     """
     labels = len(survey.label)
     key = survey.pick_frame * labels + survey.pick_label
@@ -132,15 +140,16 @@ def find_seen_lines(survey: Survey) -> SeenLines:
     end = by_key[place]
     found = key[end] == wanted
     a, b = survey.line_start[line], survey.line_end[line]
-    found &= (survey.area[a] == survey.area[b]) & (
-        survey.height_above_m[a] == survey.height_above_m[b]
-    )
+    found &= survey.area[a] == survey.area[b]
+    rise_m = np.abs(survey.height_above_m[a] - survey.height_above_m[b])
+    found &= rise_m <= MAX_RISE * survey.length_m[line]
     level = has_known_height(survey)
     found &= level[a] & level[b]
     found &= (survey.pixel_px[start] != survey.pixel_px[end]).any(axis=1)
     rows = np.flatnonzero(found)
     rows = rows[np.argsort(survey.pick_frame[start[rows]], kind="stable")]
-    return SeenLines(survey.pick_frame[start[rows]], line[rows], start[rows], end[rows])
+    sigma_m = np.hypot(survey.length_sigma_m[line[rows]], rise_m[rows])
+    return SeenLines(survey.pick_frame[start[rows]], line[rows], start[rows], end[rows], sigma_m)
 
 
 def count_lines_per_frame(survey: Survey) -> Ints:
@@ -233,7 +242,7 @@ def _collect_lines(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames
     ends[:, row, line_rank] = pick_rank[at.reshape(2, -1)]
     length, length_sigma = np.ones(shape), np.full(shape, np.inf)
     length[row, line_rank] = survey.length_m[seen.line[rows]]
-    length_sigma[row, line_rank] = survey.length_sigma_m[seen.line[rows]]
+    length_sigma[row, line_rank] = seen.sigma_m[rows]
     return LengthFrames(pixel, sigma, ends[0], ends[1], length, length_sigma)
 
 

@@ -302,7 +302,7 @@ def _collect(
             "distance",
             (int(lines.start[k]), int(lines.end[k])),
             float(survey.length_m[lines.line[k]]),
-            float(survey.length_sigma_m[lines.line[k]]),
+            float(lines.sigma_m[k]),
         )
         for k in rows
     ]
