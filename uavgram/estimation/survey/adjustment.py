@@ -439,6 +439,9 @@ class Refined:
         Solutions without the mistakes that the result does not take into account, those that
         exclude each other in one group; and the solution with all photos mirrored, if the log does
         not rule it out.
+    forbidding
+        Solutions without mistakes that forbid the use of the values which these contradict, by the
+        code of the mistake.
     matches_left_out
         Rows of the project's picks: matches that do not fit the sightings in other photos.
     """
@@ -463,6 +466,7 @@ class Refined:
     causes: tuple[Cause, ...] = ()
     possible: tuple[Message, ...] = ()
     explanations: tuple[tuple[Explanation, ...], ...] = ()
+    forbidding: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
     matches_left_out: frozenset[int] = frozenset()
 
     @property

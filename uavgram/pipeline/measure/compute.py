@@ -65,6 +65,7 @@ from uavgram.stages.judge import (
     TestedSurvey,
     compare_withheld,
     compute_fit,
+    contradicts_result,
     determine_verdict,
     judge_control_lines,
     judge_fit,
@@ -311,7 +312,7 @@ def compute(
     still = {cause.message.code for cause in refined.causes if cause not in mended}
     put_right = {cause.message.code for cause in mended} - still
     verdict, status = determine_verdict(
-        messages, judged.fit, judged.examined, measured.table, put_right
+        messages, judged.fit, judged.examined, measured.table, put_right, measured.harmless
     )
     result = Result(
         name=inputs.project.name,
@@ -449,12 +450,17 @@ def adjust_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple
 
 
 class _Measurements(NamedTuple):
-    """Measurements, second-order terms, and values under other solutions."""
+    """Measurements, second-order terms, and values under other solutions.
+
+    `harmless` are the codes of mistakes that forbid the use of the values which they contradict,
+    and contradict none.
+    """
 
     table: MeasurementResults
     curvature: SecondOrder | None
     others: tuple[tuple[float, ...], ...]
     messages: tuple[Message, ...]
+    harmless: frozenset[str] = frozenset()
 
     @property
     def moved(self) -> frozenset[str]:
@@ -474,10 +480,23 @@ def _measure(
     more: tuple[Message, ...] = ()
     if curved:
         curvature, more = check_second_order(refined.adjustment, values, table, frames)
+
+    def contradicts(other: Adjustment) -> bool:
+        value = measure(other, inputs.requests, frames)[0].value
+        return contradicts_result(table, refined.adjustment, value, other)
+
+    harmless = {
+        code: group
+        for code, group in refined.forbidding.items()
+        if group and not any(contradicts(one.adjustment) for one in group)
+    }
+    refined = replace(refined, explanations=(*refined.explanations, *harmless.values()))
     rivals = refined.list_explanations()
     others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one, _ in rivals)
     table = add_alternatives(table, others, [probability for _, probability in rivals])
-    found = _Measurements(table, curvature, others[: len(refined.alternatives)], messages)
+    found = _Measurements(
+        table, curvature, others[: len(refined.alternatives)], messages, frozenset(harmless)
+    )
     # Where another solution moves a value, its sigma is not that of the first order.
     kept = (one for one in more if not found.moved.issuperset(one.measurements))
     return found._replace(messages=(*messages, *kept))

@@ -21,4 +21,5 @@ from uavgram.stages.judge.tested_survey import run_tests as run_tests
 from uavgram.stages.judge.unchecked import judge_priors as judge_priors
 from uavgram.stages.judge.unchecked import judge_unchecked as judge_unchecked
 from uavgram.stages.judge.unchecked import judge_weakest as judge_weakest
+from uavgram.stages.judge.verdict import contradicts_result as contradicts_result
 from uavgram.stages.judge.verdict import determine_verdict as determine_verdict

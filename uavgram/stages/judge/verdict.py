@@ -20,6 +20,9 @@ from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.judge.unchecked import is_unchecked
 
+RED_SIGMAS = 3.5
+"""Error of a value, in its sigmas, that a red verdict predicts."""
+
 DOUBTFUL_SIGMAS = 1.0
 """Change of a measurement by a possible error, in its sigmas, above which it is doubtful."""
 
@@ -41,6 +44,29 @@ def is_moved(examined: TestedSurvey) -> Bools:
         change = _change_without(examined.groups[member.kind], member, measured.solved)
         moved |= np.abs(change) > DOUBTFUL_SIGMAS * sigma
     return moved
+
+
+def contradicts_result(
+    table: MeasurementResults, here: Adjustment, value: Sequence[float], there: Adjustment
+) -> bool:
+    """Return whether a solution without a mistake contradicts a value or a place of the result.
+
+    Parameters
+    ----------
+    table, here
+        The M measurements of the result, and its adjustment.
+    value, there
+        Their values (M,) in the other solution, NaN for none; and its adjustment.
+    """
+    away = np.abs(np.asarray(value) - table.value)
+    if (away > RED_SIGMAS * table.sigma).any():  # False for NaN
+        return True
+    if here.survey.gauge == "plane":
+        return False  # places have no meaning
+    (place_m, covariance), row = here.points(), there.label_rows(here.survey.label)
+    off_m = np.abs(there.points()[0][row] - place_m)[row >= 0]
+    sigma_m = np.sqrt(np.einsum("kii->ki", covariance))[row >= 0]
+    return bool((off_m > RED_SIGMAS * sigma_m).any())
 
 
 def is_displaced(examined: TestedSurvey) -> bool:
@@ -135,6 +161,7 @@ def determine_verdict(
     examined: TestedSurvey,
     table: MeasurementResults,
     put_right: Collection[str] = (),
+    harmless: Collection[str] = (),
 ) -> tuple[Verdict, tuple[MeasurementStatus, ...]]:
     """Determine the verdict, and the status of each measurement.
 
@@ -150,6 +177,8 @@ def determine_verdict(
         The measurements.
     put_right
         Codes of causes that no longer distort the result, as they were corrected.
+    harmless
+        Codes of causes whose correction contradicts no value, though it is not in the result.
     """
     codes = {m.code for m in messages}
     is_part = {m.code for m in messages if entry_of(m.code).part_of in codes}
@@ -158,14 +187,15 @@ def determine_verdict(
     gone = {*put_right} | {m.code for m in messages if entry_of(m.code).part_of in settled}
     still = [m for m in messages if m.code not in gone]
     bent = fit.core < CONTRADICTION_PROBABILITY or any(
-        _effect(m) is Effect.RED and not _is_left_out(m, examined) for m in still
+        _effect(m) is Effect.RED and m.code not in harmless and not _is_left_out(m, examined)
+        for m in still
     )
     status = determine_statuses(
         table,
         examined,
         is_contradicted=bent,
         contradicted=fit.check_labels,
-        in_doubt=_find_doubtful_labels(still, examined),
+        in_doubt=_find_doubtful_labels(still, examined, harmless),
         is_displaced=is_displaced(examined)
         or any(_effect(m) is Effect.DISPLACED and len(m.frames) > 1 for m in still),
     )
@@ -194,9 +224,11 @@ def determine_verdict(
     return Verdict(level=level, reasons=reasons), status
 
 
-def _find_doubtful_labels(messages: Sequence[Message], examined: TestedSurvey) -> set[str]:
+def _find_doubtful_labels(
+    messages: Sequence[Message], examined: TestedSurvey, harmless: Collection[str]
+) -> set[str]:
     """Find the labels at which measurements are doubtful by some messages."""
-    if any(_effect(m) is Effect.ALL_DOUBTFUL for m in messages):
+    if any(_effect(m) is Effect.ALL_DOUBTFUL or m.code in harmless for m in messages):
         return set(examined.adjustment.survey.label)
     named = {label for m in messages if _effect(m) in _DOUBTS for label in m.labels}
     return named | find_unconfirmed_ends(examined)

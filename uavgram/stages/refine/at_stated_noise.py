@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -61,8 +61,10 @@ class StatedNoiseAdjustment(NamedTuple):
     causes
         Causes that explain the misfit.
     explanations
-        The survey adjusted without the mistakes that the result does not take into account, and
-        that leave it in use; a group for each cause.
+        The survey adjusted without the mistakes that the result does not take into account; a group
+        for each cause.
+    forbidding
+        Those of causes that make the verdict red where they contradict a value, by code.
     messages
         Messages on control, and on heights that no observation determines.
     are_all_wrong
@@ -75,6 +77,7 @@ class StatedNoiseAdjustment(NamedTuple):
     off_ground: list[str]
     causes: tuple[Cause, ...]
     explanations: tuple[tuple[Explanation, ...], ...]
+    forbidding: Mapping[str, tuple[Explanation, ...]]
     messages: tuple[Message, ...]
     are_all_wrong: bool
 
@@ -153,12 +156,15 @@ def adjust_at_stated_noise(
             left_out += again.messages(known_less)
             off_ground = sorted({*off_ground, *again.labels})
             refined = replace(refined, pick_removed=removed)
-    # A cause that makes the verdict red forbids the use of the values, whatever their sigmas.
-    explanations = tuple(
-        explained
-        for cause, explained in zip(causes, found.explanations, strict=False)
-        if not cause.is_accounted and not _forbids_use(cause.message, refined, given)
-    )
+    explained = [
+        (cause.message, group)
+        for cause, group in zip(causes, found.explanations, strict=False)
+        if not cause.is_accounted
+    ]
+    forbidding = {
+        message.code: group for message, group in explained if _forbids_use(message, refined, given)
+    }
+    explanations = tuple(group for message, group in explained if message.code not in forbidding)
     other = tuple(
         Explanation(one.after.adjustment, one.odds) for one in found.possible if one.after
     )
@@ -171,13 +177,14 @@ def adjust_at_stated_noise(
         off_ground,
         causes,
         explanations,
+        forbidding,
         (*left_out, *unseen),
         are_all_wrong=found.wrong.issuperset(refined.pick_index.tolist()),
     )
 
 
 def _forbids_use(message: Message, refined: Refined, given: Survey) -> bool:
-    """Return whether a message makes the verdict red: lengths that were all left out do not."""
+    """Return whether a message may make the verdict red: lengths that were all left out do not."""
     names = given.line_name or ("",) * len(given.line_start)
     used = {names[k] for k in np.flatnonzero(~refined.line_removed)}
     is_left_out = bool(message.lengths) and used.isdisjoint(message.lengths)

@@ -25,7 +25,10 @@ from uavgram.model.survey import Survey
 from uavgram.model.work import report_work
 from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise, find_participants
 from uavgram.stages.refine.blunder_removal import MAX_REMOVED_SHARE, find_blunder
-from uavgram.stages.refine.causes.common_length_errors import report_possible_errors
+from uavgram.stages.refine.causes.common_length_errors import (
+    drop_insignificant_errors,
+    report_possible_errors,
+)
 from uavgram.stages.refine.causes.correction import apply_corrections
 from uavgram.stages.refine.causes.mirrored_photos import (
     PRIOR_LOG_ODDS,
@@ -118,27 +121,29 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
                 {one.readings: one for one in (*first.rivals, *robust.refined.rivals)}.values()
             ),
         )
+    causes = drop_insignificant_errors(begun.causes, refined.adjustment, noise)
+    named = {one.message.code for one in causes}
+    forbidding = {code: one for code, one in begun.forbidding.items() if code in named}
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = add_records(survey, refined)
     refined = replace(
         refined,
         off_ground=frozenset(found_free) | shown,
-        causes=(*(one.cause for one in mends if one.cause), *begun.causes),
+        causes=(*(one.cause for one in mends if one.cause), *causes),
         explanations=begun.explanations,
+        forbidding=forbidding,
         removals=(*mends, *refined.removals),
         matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
-    named = {cause.message.code for cause in begun.causes}
     mirrored = None if "photos-mirrored" in named else find_mirrored_solution(refined.adjustment)
     if mirrored is not None:
         mirrored_explanation = explain(refined.adjustment, mirrored, -PRIOR_LOG_ODDS)
         refined = replace(refined, explanations=(*refined.explanations, (mirrored_explanation,)))
         search.append(report_mirror_image(refined.adjustment, mirrored))
     # Report a point off the ground once, with its adjusted height.
-    causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
     messages = (
-        *causes,
+        *(one.message for one in causes if not _is_adjusted_so(one.message, refined)),
         *begun.messages,
         *tied,
         *report_off_ground(refined),
@@ -148,7 +153,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         *report_poses_left_out(refined),
         *report_misspelt_labels(survey, refined.adjustment),
     )
-    if not any("lengths" in one.message.code for one in begun.causes):
+    if not any("lengths" in one.message.code for one in causes):
         search += report_possible_errors(refined.adjustment)
     return refined, (*messages, *report_refinement(survey, refined), *search)
 

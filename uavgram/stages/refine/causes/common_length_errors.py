@@ -6,7 +6,7 @@ assumed. Either is found by a linear test only, without a readjustment.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -26,8 +26,10 @@ from uavgram.estimation.survey.observations.lengths import select_taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message
-from uavgram.model.survey import SurveyCorrection
+from uavgram.model.result.reliability import Noise
+from uavgram.model.survey import Cause, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.readjustment import readjust
 
 MIN_LENGTHS = 2
 """Least number of lengths with a common error."""
@@ -142,6 +144,34 @@ def _taped_level_message(
         "held, and write 'horizontal' into the column `along` of lines.csv if it was level."
     )
     return Message("warning", "lengths-level", text, lengths=names)
+
+
+def drop_insignificant_errors(
+    causes: Sequence[Cause], adjustment: Adjustment, noise: Noise | None
+) -> tuple[Cause, ...]:
+    """Drop factors and offsets of lengths that are not significant at the learnt noise.
+
+    Relief of the ground changes lengths alike, and is learnt after the causes were found. Lengths
+    keep their stated sigmas: a common error enlarges those that are learnt.
+
+    Parameters
+    ----------
+    causes
+        Causes at the stated noise.
+    adjustment, noise
+        The adjustment at the learnt noise; None if no noise was learnt.
+    """
+    codes = {"lengths-factor", "lengths-offset"}
+    if noise is None or codes.isdisjoint(one.message.code for one in causes):
+        return tuple(causes)
+    survey = adjustment.survey
+    factor = 1.0 if noise.lengths is None else noise.lengths.factor
+    stated = readjust(adjustment, replace(survey, length_sigma_m=survey.length_sigma_m / factor))
+    common = _list_common_errors(stated)
+    tests = compare_hypotheses(stated, [one.moved for one in common], MIN_SHARE_IN_RESIDUALS)
+    if any(one.gain > REPORTED_SIGMAS**2 for one in tests):
+        return tuple(causes)
+    return tuple(one for one in causes if one.message.code not in codes)
 
 
 def report_possible_errors(adjustment: Adjustment) -> Iterator[Message]:
