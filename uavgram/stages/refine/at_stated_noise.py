@@ -34,6 +34,10 @@ from uavgram.stages.refine.causes.identification import (
     identify_causes,
     identify_common_errors,
 )
+from uavgram.stages.refine.causes.mirrored_photos import (
+    propose_all_mirrored,
+    shows_mirrored_control,
+)
 from uavgram.stages.refine.causes.swapped_labels import propose_swapped_pair
 from uavgram.stages.refine.causes.turned_photos import propose_photos_elsewhere
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
@@ -103,7 +107,9 @@ def adjust_at_stated_noise(
     none = np.zeros(len(given.line_start), dtype=np.bool_)
     # Robust adjustment, then causes of the gross errors.
     taking = Participants(given, keep, none, reason)
-    robust = adjust_robustly(taking)
+    # Mirrored picks contradict control so much that no robust adjustment is needed, nor of use.
+    plain = adjust_on_trial(taking, FULL) if shows_mirrored_control(given) else None
+    robust = adjust_robustly(taking) if plain is None else Robust(given, plain)
     survey, refined, unseen = free_unchecked_heights(
         robust.survey, robust.refined, [*robust.labels, *shown]
     )
@@ -243,7 +249,8 @@ def _find_errors_of_picks(
 ) -> IdentifiedCauses | None:
     """Find errors of many picks that may explain what was left out; None where nothing was.
 
-    Where all picks of the only photo are wrong, any pose of it is of no use. In place of exchanged
+    Where all picks of the only photo are wrong, any pose of it is of no use. Photos that were
+    mirrored against control may be in order without it, or have no result. In place of exchanged
     control points, their labels may be swapped; and the label of a left-out control point with that
     of the point at its coordinates. Causes that are possible beside gross errors may explain these,
     too.
@@ -258,6 +265,9 @@ def _find_errors_of_picks(
     numbers = robust.count_numbers() + _count_lost(taking, robust.refined)
     is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
     proposals: tuple[Proposal, ...] = ERRORS_OF_ONLY_PHOTO if is_alone else ()
+    is_mirrored = shows_mirrored_control(taking.survey)
+    if is_mirrored:
+        proposals += (propose_all_mirrored,)
     if robust.exchanged:
         proposals += (partial(propose_swapped_pair, names=robust.exchanged),)
     for names in _list_labels_at_control(taking.survey, robust):
@@ -265,7 +275,8 @@ def _find_errors_of_picks(
     if numbers:
         again = [one.hypothesis for one in found.possible if one.hypothesis.mend is not None]
         proposals += (partial(_propose_for_all, hypotheses=again),)
-    if not proposals or not (found.causes or found.left_out or numbers or not found.fits):
+    is_in_order = found.fits and not (found.causes or found.left_out or numbers)
+    if not proposals or (is_in_order and not is_mirrored):
         return None
     left = find_participants(taking.survey, robust.refined)
     diagnosis = Diagnosis(

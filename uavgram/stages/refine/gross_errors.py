@@ -102,7 +102,7 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
     if not plain.adjustment.minimum.converged:  # it may have been interrupted
         plain = find_best_minima(taking)
     plain = _mark_misplaced_photos(taking.survey, plain)
-    return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+    return Robust(taking.survey, plain)
 
 
 def _mark_misplaced_photos(survey: Survey, refined: Refined) -> Refined:

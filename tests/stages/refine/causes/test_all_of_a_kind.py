@@ -14,7 +14,7 @@ from uavgram.model.observations import Along
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.causes.mirrored_photos import reflect
+from uavgram.stages.refine.causes.mirrored_photos import reflect, shows_mirrored_control
 
 PAIRS = (*((k, k + 6) for k in range(6)), (0, 1), (2, 3), (4, 5))
 
@@ -117,3 +117,19 @@ def test_a_mount_that_is_not_exact_does_not_hide_mirrored_photos() -> None:
     scene = make_scene(5, frames=2, labels=12, lines=4, tilt=0.8, spread=6.0)
     found = {"photos-mirrored", "mirrored-undecided"} & set(codes_of(mirrored(scene.survey)))
     assert found
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_photos_that_are_mirrored_against_control_are_named_first(
+    seed: int, *, telemetry: bool
+) -> None:
+    """Two photos and six control points, one of which a wrong click spoils."""
+    survey = make_scene(seed, frames=2, control=6, telemetry=telemetry, tilt=0.6).survey
+    assert not shows_mirrored_control(survey)
+    (first, *_), message = messages_of(mirrored(survey)), "control points fit only then"
+    assert first.code == "photos-mirrored"
+    assert message in first.text
+    wrong = np.array(survey.pixel_px)
+    wrong[np.flatnonzero(np.isin(survey.pick_label, survey.control_label))[0]] += [400.0, -300.0]
+    assert not shows_mirrored_control(replace(survey, pixel_px=wrong))

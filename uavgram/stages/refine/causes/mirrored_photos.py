@@ -1,13 +1,15 @@
 """Hypothesis that all photos were mirrored when picked: the survey is then its own mirror image.
 
-Distances and areas stay right, coordinates do not. Only a log shows it, by the positions and
-directions of the photos: over a straight flight with a camera that looks straight down it does not.
+Distances and areas stay right, coordinates do not. Three control points show it, or else only a
+log, by positions and directions of the photos: over a straight flight with a camera that looks
+straight down it does not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey import Survey, SurveyCorrection
@@ -31,6 +34,13 @@ PRIOR_LOG_ODDS = float(np.log(200.0))
 UNDECIDED_DIFFERENCE = 2.0 * float(np.log(20.0))
 """Difference of the sums of squares below which neither solution has odds of 20 to 1."""
 
+MIN_MIRRORED_SHARE = 0.8
+"""Share of the triangles of control points with the wrong sense above which the photos were
+mirrored: a wrong point spoils some of them."""
+
+TRIANGLE, MOST_STEPS = range(3), 5
+"""Corners of a triangle; largest number of picks from one corner to the next."""
+
 MAX_MEAN_SQUARE = 25.0
 """Mean square of the log's residuals in the reflected state, in sigmas, above which no camera mount
 and no bias of the log fits the mirror image."""
@@ -39,23 +49,61 @@ and no bias of the log fits the mirror image."""
 def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose that all photos were mirrored when they were picked."""
     adjustment, survey = diagnosis.adjustment, diagnosis.survey
-    if not adjustment.minimum.converged or _reflect_problem(adjustment) is None:
+    is_shown = shows_mirrored_control(survey)
+    if not is_shown and (not adjustment.minimum.converged or _reflect_problem(adjustment) is None):
         return
     blocks = adjustment.minimum.blocks
     strained = sum(
-        float(np.sum(blocks[kind].residual ** 2)) for kind in ("telemetry", *TELEMETRY_PARTS)
+        float(np.sum(blocks[kind].residual ** 2))
+        for kind in ("telemetry", *TELEMETRY_PARTS)
+        if kind in blocks
     )
     pixel = _mirror_pixels(survey)
     yield Hypothesis(
-        message=_report_mirrored,
+        message=partial(_report_mirrored, witness="the control points fit")
+        if is_shown
+        else _report_mirrored,
         mend=SurveyCorrection(
             pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}
         ),
-        begun=reflect,
-        promise=strained,  # upper limit: all residuals of the log
+        begun=None if is_shown else reflect,
+        is_of_all=is_shown,
+        # Upper limit: all residuals of the log; with control, of the whole survey.
+        promise=diagnosis.cost if is_shown else strained,
         price=PRIOR_LOG_ODDS,
         settles=frozenset(survey.frame_id),
     )
+
+
+def shows_mirrored_control(survey: Survey) -> bool:
+    """Return whether most triangles of control points have the wrong sense in the photos.
+
+    Seen from above, a triangle that runs counterclockwise on the ground does so in a photo, too,
+    however the camera is turned or tilted.
+    """
+    if len(survey.control_label) < len(TRIANGLE):
+        return False
+    camera = survey.calibration
+    place = np.full((len(survey.label), 2), np.nan)
+    place[survey.control_label] = survey.control_world_m[:, :2]
+    ray = back_project(camera.model, camera.parameters, survey.pixel_px)[:, :2]
+    there = place[survey.pick_label]
+    usable = np.isfinite(there).all(axis=1) & np.isfinite(ray).all(axis=1)
+    senses = [np.zeros(0)]
+    for frame in np.unique(survey.pick_frame[usable]):
+        picks = np.flatnonzero(usable & (survey.pick_frame == frame))
+        for step in range(1, MOST_STEPS + 1):
+            corner = np.stack([np.roll(picks, -step * k) for k in TRIANGLE], axis=1)
+            # Image rows run downwards: right senses are opposite.
+            senses.append(-_compute_senses(ray[corner]) * _compute_senses(there[corner]))
+    sense = np.concatenate(senses)
+    return bool((sense < 0.0).sum() > MIN_MIRRORED_SHARE * (sense != 0.0).sum())
+
+
+def _compute_senses(corner: Floats) -> Floats:
+    """Return 1 (n,) for triangles (n, 3, 2) that run counterclockwise, -1 for the others."""
+    (ax, ay), (bx, by) = (corner[:, k].T - corner[:, 0].T for k in (1, 2))
+    return np.asarray(np.sign(ax * by - ay * bx))
 
 
 def find_mirrored_solution(adjustment: Adjustment) -> Adjustment | None:
@@ -146,9 +194,9 @@ def _mirror_pixels(survey: Survey) -> Floats:
     return pixel
 
 
-def _report_mirrored(_: HypothesisTest | None) -> Message:
+def _report_mirrored(_: HypothesisTest | None, witness: str = "the log fits") -> Message:
     text = (
-        "All photos seem to have been mirrored when they were picked: the log fits only then. Pick "
+        f"All photos seem to have been mirrored when they were picked: {witness} only then. Pick "
         "them again in the original files, as the camera wrote them. Until then coordinates and "
         "directions are mirrored."
     )
