@@ -240,6 +240,8 @@ def _correction_message(cause: Cause, before: str, after: str) -> Message:
     """Report a cause, with the correction that was made."""
     first, *rest = cause.message.split_text()
     done = f"The program corrected it, check this: {before}; now {after}"
+    if before == after:  # nothing changed, but what is listed takes no part
+        done = f"The program left this out, check it: {before}"
     text = ". ".join(sentence.removesuffix(".") for sentence in (first, done, *rest))
     return replace(cause.message, text=f"{text}.", several=None, mend=None, instead=())
 

@@ -128,8 +128,11 @@ def _control_message(survey: Survey, found: HypothesisTest | None) -> Message:
         f"{up:+.1f} m up)"
     )
     source = "photos' places" if isinstance(survey.track, PhotoExposures) else "flight log"
-    along = found.value[:2]
-    if along @ np.linalg.solve(found.covariance[:2, :2], along) < MAX_MISFIT_SQUARE:
+    along, prior = found.value[:2], survey.telemetry
+    assert prior is not None  # noqa: S101  (the caller asked)
+    # In plan, the log may be off by its stated bias.
+    usual = found.covariance[:2, :2] + np.diag(prior.position_bias_sigma_m[:2] ** 2)
+    if along @ np.linalg.solve(usual, along) < MAX_MISFIT_SQUARE:
         return Message(
             "warning",
             "heights-off",
