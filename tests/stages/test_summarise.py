@@ -261,7 +261,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     ties = tie_picks(survey)
     inputs = read_inputs(path)
     picks, plates = inputs.picks, inputs.requests[0].points
-    made: list[Source] = [picks.source_of(i) for i in range(len(picks.image))]
+    made: list[Source] = list(picks.source)
     made = [
         "target" if s == "hand" and n in plates else s
         for s, n in zip(made, picks.label, strict=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.message import Message
+from uavgram.model.naming import Column
 
 
 def _none() -> Floats:
@@ -32,6 +33,17 @@ def select_rows(table: Any, rows: Sequence[int]) -> dict[str, Any]:  # noqa: ANN
         if isinstance(column, tuple)
         else column[rows]
         for name, column in columns.items()
+    }
+
+
+def append_rows(first: Any, second: Any) -> dict[str, Any]:  # noqa: ANN401  (any data class)
+    """Return the columns of a table, each followed by that of another table of its class."""
+    columns = {
+        one.name: (getattr(first, one.name), getattr(second, one.name)) for one in fields(first)
+    }
+    return {
+        name: a + b if isinstance(a, tuple) else np.concatenate([a, b])
+        for name, (a, b) in columns.items()
     }
 
 
@@ -60,58 +72,62 @@ class Picks:
     is_free
         (P,) whether the file declares the height unknown.
     area
-        (P,) name of the area whose plane contains the point, empty where the file gives none; or an
-        empty tuple where none is given anywhere.
+        (P,) name of the area whose plane contains the point, empty where the file gives none.
     source
-        (P,) origin of the pick; or an empty tuple: a person made all.
+        (P,) origin of the pick; if omitted, a person made all.
     score
         (P,) agreement of a match or a target with its template, 0 to 1; NaN where the file gives
         none.
     from_image, from_px
         (P,), (P, 2) of a match: photo and pixel of the pick from which it was found; empty and NaN
-        for others, or an empty tuple.
+        for others.
     line
         (P,) line of the file; empty where they come from no file.
     """
 
     image: Annotated[tuple[str, ...], "n"]
     label: tuple[str, ...]
-    pixel_px: Annotated[Floats, "n", 2]
+    pixel_px: Annotated[Floats, "n", 2, Column(keys=("u_px", "v_px"))]
     sigma_px: Annotated[Floats, "n", NAN_IS_NONE]
     height_m: Annotated[Floats, "n", NAN_IS_NONE]
     height_sigma_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
     is_free: Annotated[Bools, "n"] = field(default_factory=lambda: np.zeros(0, np.bool_))
-    area: tuple[str, ...] = ()
-    source: tuple[Source, ...] = ()
+    area: Annotated[tuple[str, ...], "n"] = ()
+    source: Annotated[tuple[Source, ...], "n"] = ()
     score: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
-    from_image: tuple[str, ...] = ()
-    from_px: Annotated[Floats, "n", 2, NAN_IS_NONE] = field(default_factory=_none)
+    from_image: Annotated[tuple[str, ...], "n"] = ()
+    from_px: Annotated[Floats, "n", 2, NAN_IS_NONE, Column(keys=("from_u_px", "from_v_px"))] = (
+        field(default_factory=_none)
+    )
     line: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.image)
-        for name, nothing in (("height_sigma_m", np.nan), ("is_free", False), ("score", np.nan)):
+        omitted = {
+            **dict.fromkeys(("height_sigma_m", "score"), np.full(n, np.nan)),
+            **dict.fromkeys(("area", "from_image"), ("",) * n),
+            "is_free": np.zeros(n, np.bool_),
+            "source": ("hand",) * n,
+            "from_px": np.full((n, 2), np.nan),
+        }
+        for name, column in omitted.items():
             if not len(getattr(self, name)):
-                object.__setattr__(self, name, np.full(n, nothing))
-        if not len(self.from_px):
-            object.__setattr__(self, "from_px", np.full((n, 2), np.nan))
+                object.__setattr__(self, name, column)
         freeze(self)
-        for name in ("area", "source", "from_image", "line"):
-            if len(getattr(self, name)) not in {0, n}:
-                raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
+        if len(self.line) not in {0, n}:
+            raise ValueError(f"line: {len(self.line)} entries, expected {n}")
 
     def take(self, rows: Sequence[int]) -> Picks:
         """Return selected picks, by index."""
         return Picks(**select_rows(self, rows))
 
-    def source_of(self, pick: int) -> Source:
-        """Return the origin of a pick."""
-        return self.source[pick] if self.source else "hand"
+    def where(self, mask: Bools) -> Picks:
+        """Return the picks of a (P,) mask."""
+        return self.take(np.flatnonzero(mask).tolist())
 
     def of_source(self, source: Source) -> Bools:
         """Return a (P,) mask of the picks of one origin."""
-        made = [self.source_of(i) == source for i in range(len(self.image))]
-        return np.array(made, dtype=np.bool_)
+        return np.array([one == source for one in self.source], dtype=np.bool_)
 
     @property
     def is_copy(self) -> Bools:
@@ -119,7 +135,7 @@ class Picks:
         seen: set[tuple[object, ...]] = set()
         copy = np.zeros(len(self.image), dtype=np.bool_)
         for i, place in enumerate(map(tuple, self.pixel_px.tolist())):
-            row = self.image[i], self.label[i], self.source_of(i), place
+            row = self.image[i], self.label[i], self.source[i], place
             copy[i] = row in seen
             seen.add(row)
         return copy
@@ -154,8 +170,7 @@ class KnownLines(FrozenArrays):
     adjust
         (L,) True: an observation; False: withheld as a check.
     tape
-        (L,) name of the tape, empty where the file gives none: the one tape; or an empty tuple
-        where none is given anywhere.
+        (L,) name of the tape, empty where the file gives none: the one tape.
     along
         (L,) measured quantity; or an empty tuple: the straight 3-D distance of all.
     """
@@ -166,7 +181,7 @@ class KnownLines(FrozenArrays):
     length_m: Annotated[Floats, "n"]
     sigma_m: Annotated[Floats, "n"]
     adjust: Annotated[Bools, "n"]
-    tape: tuple[str, ...] = ()
+    tape: Annotated[tuple[str, ...], "n"] = ()
     along: tuple[Along, ...] = ()
 
     def take(self, rows: Sequence[int]) -> KnownLines:
@@ -175,28 +190,16 @@ class KnownLines(FrozenArrays):
 
     def append(self, others: KnownLines) -> KnownLines:
         """Append other lines."""
-        mine, theirs = range(len(self.name)), range(len(others.name))
-        return KnownLines(
-            name=self.name + others.name,
-            start=self.start + others.start,
-            end=self.end + others.end,
-            length_m=np.concatenate([self.length_m, others.length_m]),
-            sigma_m=np.concatenate([self.sigma_m, others.sigma_m]),
-            adjust=np.concatenate([self.adjust, others.adjust]),
-            tape=(*map(self.tape_of, mine), *map(others.tape_of, theirs)),
-            along=(*map(self.along_of, mine), *map(others.along_of, theirs)),
-        )
+        along = tuple(one.along_of(i) for one in (self, others) for i in range(len(one.name)))
+        return KnownLines(**append_rows(self, others) | {"along": along})
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         n = len(self.name)
-        for name in ("tape", "along"):
-            if len(getattr(self, name)) not in {0, n}:
-                raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
-
-    def tape_of(self, line: int) -> str:
-        """Return the name of the tape of a length; empty for the one tape."""
-        return self.tape[line] if self.tape else ""
+        if not self.tape:
+            object.__setattr__(self, "tape", ("",) * n)
+        super().__post_init__()
+        if len(self.along) not in {0, n}:
+            raise ValueError(f"along: {len(self.along)} entries, expected {n}")
 
     def along_of(self, line: int) -> Along:
         """Return the quantity that was taped for a length."""

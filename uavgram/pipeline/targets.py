@@ -39,7 +39,6 @@ from uavgram.stages.plates import (
     TargetRow,
     add_targets,
     append_targets,
-    chosen,
     list_requested_centers,
     remove_targets,
     target_row,
@@ -217,7 +216,7 @@ def _search(
     for i, target in own.items():
         pixel[i] = target.pixel_px
     picks = replace(inputs.picks, pixel_px=pixel)
-    picks = chosen(picks, ~picks.of_source("match"))
+    picks = picks.where(~picks.of_source("match"))
     there = set(zip(picks.image, picks.label, strict=True))
     copies = set(find_project_duplicates(inputs).photos)
     base = adjust_manual_picks(replace(inputs, picks=picks), pose_frames(inputs))
@@ -259,7 +258,7 @@ def _remove_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
     new = {(row.image, row.label) for row in rows}
     pairs = zip(picks.image, picks.label, strict=True)
     there = np.array([pair in new for pair in pairs], dtype=np.bool_)
-    return chosen(picks, ~(there & picks.of_source("match")))
+    return picks.where(~(there & picks.of_source("match")))
 
 
 def _report_unplaced_targets(kinds: Mapping[str, str], why: Exception) -> Message:

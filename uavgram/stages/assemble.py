@@ -239,7 +239,7 @@ def assemble(observed: Observations) -> Assembled:
         length_m=lines.length_m[seen],
         length_sigma_m=lines.sigma_m[seen],
         line_name=tuple(lines.name[i] for i in seen),
-        line_tape=tuple(lines.tape_of(i) for i in seen),
+        line_tape=tuple(lines.tape[i] for i in seen),
         line_along=tuple(lines.along_of(i) for i in seen) if lines.along else (),
         tape_scale_sigma=observed.tape.scale_sigma,
         own_scale_sigma=observed.own_scale_sigma,
@@ -353,7 +353,7 @@ def _collect_by_label(picks: Picks, value: Floats, label_at: dict[str, int]) -> 
 def _areas(picks: Picks, label_at: dict[str, int]) -> list[str]:
     """Return the area (K,) of each label; stated at one pick, it holds for all."""
     areas = [DEFAULT_AREA] * len(label_at)
-    for label, area in zip(picks.label, picks.area or ("",) * len(picks.label), strict=True):
+    for label, area in zip(picks.label, picks.area, strict=True):
         if area and label in label_at:
             areas[label_at[label]] = area
     return areas

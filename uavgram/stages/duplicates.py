@@ -240,7 +240,7 @@ def _same_lines(lines: KnownLines) -> dict[int, int]:
     """Map each duplicate length to the kept one, of equal labels, tape and value."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, ends in enumerate(zip(lines.start, lines.end, strict=True)):
-        how = lines.tape_of(i), lines.along_of(i)
+        how = lines.tape[i], lines.along_of(i)
         groups.setdefault((frozenset(ends), float(lines.length_m[i]), *how), []).append(i)
     same: dict[int, int] = {}
     for group in groups.values():

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import PLATE_CORNERS, corner_label, plate_label, plate_of
-from uavgram.model.observations import KnownLines, Picks, RejectedPlate, SeenPlate
+from uavgram.model.observations import KnownLines, Picks, RejectedPlate, SeenPlate, append_rows
 
 PLATE_TAPE = "targets"
 """Name of the tape of all plates, as one printer made them: they share its scale."""
@@ -117,7 +117,7 @@ class Rows:
 
 def remove_targets(picks: Picks) -> Picks:
     """Return the picks that the program did not make from targets."""
-    return chosen(picks, ~picks.of_source("target"))
+    return picks.where(~picks.of_source("target"))
 
 
 def add_targets(
@@ -234,49 +234,18 @@ def target_row(
     return TargetRow(image, label, u, v, max(round(sigma_px, 4), 1e-4), round(score, 4))
 
 
-def chosen(picks: Picks, rows: Bools) -> Picks:
-    """Select picks."""
-    index = np.flatnonzero(rows).tolist()
-
-    def some(texts: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(texts[i] for i in index) if texts else ()
-
-    return Picks(
-        image=some(picks.image),
-        label=some(picks.label),
-        pixel_px=picks.pixel_px[rows],
-        sigma_px=picks.sigma_px[rows],
-        height_m=picks.height_m[rows],
-        height_sigma_m=picks.height_sigma_m[rows],
-        is_free=picks.is_free[rows],
-        area=some(picks.area),
-        source=tuple(picks.source_of(i) for i in index),
-        score=picks.score[rows],
-        from_image=some(picks.from_image),
-        from_px=picks.from_px[rows],
-    )
-
-
 def append_targets(kept: Picks, rows: Sequence[TargetRow]) -> Picks:
     """Append rows of targets to picks."""
-    n, m = len(kept.image), len(rows)
-    nothing = np.full(m, np.nan)
-    return Picks(
-        image=(*kept.image, *(row.image for row in rows)),
-        label=(*kept.label, *(row.label for row in rows)),
-        pixel_px=np.concatenate(
-            [kept.pixel_px, np.reshape([[r.u_px, r.v_px] for r in rows], (m, 2))]
-        ),
-        sigma_px=np.append(kept.sigma_px, [row.sigma_px for row in rows]),
-        height_m=np.append(kept.height_m, nothing),
-        height_sigma_m=np.append(kept.height_sigma_m, nothing),
-        is_free=np.append(kept.is_free, np.zeros(m, np.bool_)),
-        area=(*kept.area, *[""] * m) if kept.area else (),
-        source=(*(kept.source_of(i) for i in range(n)), *["target"] * m),  # type: ignore[arg-type]
-        score=np.append(kept.score, [row.score for row in rows]),
-        from_image=(*kept.from_image, *[""] * m) if kept.from_image else (),
-        from_px=np.concatenate([kept.from_px, np.full((m, 2), np.nan)]),
+    targets = Picks(
+        image=tuple(row.image for row in rows),
+        label=tuple(row.label for row in rows),
+        pixel_px=np.reshape([[row.u_px, row.v_px] for row in rows], (len(rows), 2)),
+        sigma_px=np.array([row.sigma_px for row in rows]),
+        height_m=np.full(len(rows), np.nan),
+        source=("target",) * len(rows),
+        score=np.array([row.score for row in rows]),
     )
+    return Picks(**append_rows(kept, targets) | {"line": ()})
 
 
 def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:

@@ -47,7 +47,7 @@ def find_matches(
     chains: dict[int, list[int]] = {}
     stale: list[int] = []
     for i in found.tolist():
-        clicks = at.get((picks.from_image[i] if picks.from_image else "", picks.label[i]), [])
+        clicks = at.get((picks.from_image[i], picks.label[i]), [])
         near = np.abs(picks.pixel_px[clicks] - picks.from_px[i]).max(axis=1) <= SAME_PICK_PX
         origin = clicks[int(near.argmax())] if near.any() else -1
         if origin < 0:

@@ -23,7 +23,7 @@ def written(folder: Path, *rows: str) -> Path:
 def test_a_persons_own_columns_may_hold_anything(tmp_path: Path) -> None:
     picks = read_picks(written(tmp_path, "a.jpg,P1,1,2,Peter,good,,left,"))
 
-    assert picks.source_of(0) == "hand"
+    assert picks.source[0] == "hand"
     assert np.isnan(picks.score[0])
     assert np.isnan(picks.from_px[0]).all()
 
@@ -31,7 +31,7 @@ def test_a_persons_own_columns_may_hold_anything(tmp_path: Path) -> None:
 def test_what_the_program_found_says_where_it_is_from(tmp_path: Path) -> None:
     picks = read_picks(written(tmp_path, "a.jpg,P1,1,2,,,,,", "b.jpg,P1,3,4,match,0.9,a.jpg,1,2"))
 
-    assert [picks.source_of(i) for i in range(2)] == ["hand", "match"]
+    assert list(picks.source[:2]) == ["hand", "match"]
     assert picks.score[1] == 0.9
     assert picks.from_image[1] == "a.jpg"
     assert picks.from_px[1].tolist() == [1.0, 2.0]

@@ -119,7 +119,7 @@ class World:
             (i, image)
             for i, label in enumerate(picks.label)
             for image in TARGETS
-            if picks.source_of(i) != "match"
+            if picks.source[i] != "match"
             and (labels is None or label in labels)
             and image in images
         ]

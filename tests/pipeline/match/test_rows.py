@@ -36,7 +36,7 @@ def test_rows_of_people_stay_to_the_byte_and_so_does_their_own_source(tmp_path: 
         assert new.rstrip(",") == old.rstrip(",")
     path.write_bytes(content)
     again = read_picks(path)
-    assert [again.source_of(i) for i in range(4)] == ["hand", "hand", "match", "match"]
+    assert list(again.source[:4]) == ["hand", "hand", "match", "match"]
     assert again.from_image[2:] == ("a.jpg", "b.jpg")
     assert again.from_px[2:].tolist() == [[10.5, 20.25], [30.0, 40.0]]
     assert again.sigma_px[2:].tolist() == [0.05, 0.05]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,6 +18,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_bytes
+from uavgram.io.json_codec import Table
 from uavgram.io.tables.csv_tables import find_separator, guard_formula, read_blocks, read_header
 from uavgram.io.tables.known import GEODETIC, THREE_SIGMAS
 from uavgram.model.observations import (
@@ -284,6 +284,9 @@ LINES_HEADER = ("name", "from", "to", "length_m", "sigma_m", "use")
 MEASURE_HEADER = ("name", "kind", "points", "parameters")
 
 
+_PICKS = Table(Picks, elsewhere=("line",))
+
+
 def update_picks(
     content: bytes | None, before: Picks, after: Picks, others: Collection[int] = ()
 ) -> bytes | None:
@@ -353,34 +356,21 @@ def _update(
 
 
 def _pick_cells(picks: Picks) -> list[Cells]:
-    areas = picks.area or ("",) * len(picks.image)
+    """Return the cells of each pick; the source of one made by hand is empty."""
     return [
         {
-            "image": picks.image[i],
-            "label": picks.label[i],
-            "u_px": repr(float(picks.pixel_px[i, 0])),
-            "v_px": repr(float(picks.pixel_px[i, 1])),
-            "sigma_px": _optional(float(picks.sigma_px[i])),
-            "height_m": "free" if picks.is_free[i] else _optional(float(picks.height_m[i])),
-            "height_sigma_m": _optional(float(picks.height_sigma_m[i])),
-            "area": areas[i],
-            **_format_origin(picks, i),
+            name: "free" if name == "height_m" and row["is_free"] else _cell(value)
+            for name, value in (row | {"source": row["source"].replace("hand", "")}).items()
+            if name != "is_free"
         }
-        for i in range(len(picks.image))
+        for row in _PICKS.dump(picks)
     ]
 
 
-def _format_origin(picks: Picks, i: int) -> Cells:
-    """Format the origin of a pick; empty for one made by hand."""
-    source = picks.source_of(i)
-    u, v = picks.from_px[i].tolist()
-    return {
-        "source": "" if source == "hand" else source,
-        "score": _optional(float(picks.score[i])),
-        "from_image": picks.from_image[i] if picks.from_image else "",
-        "from_u_px": _optional(u),
-        "from_v_px": _optional(v),
-    }
+def _cell(value: str | float | None) -> str:
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else repr(value)
 
 
 def _line_cells(lines: KnownLines) -> list[Cells]:
@@ -392,7 +382,7 @@ def _line_cells(lines: KnownLines) -> list[Cells]:
             "length_m": repr(float(lines.length_m[i])),
             "sigma_m": repr(float(lines.sigma_m[i])),
             "use": "" if lines.adjust[i] else "check",  # an empty cell is the default
-            "tape": lines.tape_of(i),
+            "tape": lines.tape[i],
             "along": "" if lines.along_of(i) == "slope" else lines.along_of(i),
         }
         for i in range(len(lines.name))
@@ -409,10 +399,6 @@ def _request_cells(requests: Sequence[MeasurementRequest]) -> list[Cells]:
         }
         for request in requests
     ]
-
-
-def _optional(number: float) -> str:
-    return repr(number) if math.isfinite(number) else ""
 
 
 CONTROL_HEADER = ("label", *GEODETIC, *THREE_SIGMAS)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from uavgram.io.json_codec import Table
 from uavgram.model.observations import (
     SAME_PLACE_PX,
     Along,
@@ -18,6 +19,9 @@ from uavgram.model.observations import (
     Picks,
     Source,
 )
+
+PICKS = Table(Picks, elsewhere=("line",))
+"""Rows of picks, by the fields of `Pick`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,34 +112,14 @@ def make_state(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRe
     picks, lines, requests
         Content of picks.csv, lines.csv and measure.csv.
     """
-    areas = picks.area or ("",) * len(picks.image)
-    pairs = list(zip(picks.image, picks.label, strict=True))
     earlier: Counter[tuple[str, str]] = Counter()
     again = []
-    for pair in pairs:
+    for pair in zip(picks.image, picks.label, strict=True):
         again.append(earlier[pair])
         earlier[pair] += 1
+    rows = zip(PICKS.dump(picks), again, strict=True)
     return State(
-        picks=tuple(
-            Pick(
-                image=picks.image[i],
-                label=picks.label[i],
-                u_px=float(picks.pixel_px[i, 0]),
-                v_px=float(picks.pixel_px[i, 1]),
-                sigma_px=_or_none(picks.sigma_px[i]),
-                height_m=_or_none(picks.height_m[i]),
-                height_sigma_m=_or_none(picks.height_sigma_m[i]),
-                is_free=bool(picks.is_free[i]),
-                area=areas[i],
-                source=picks.source_of(i),
-                score=_or_none(picks.score[i]),
-                from_image=picks.from_image[i] if picks.from_image else "",
-                from_u_px=_or_none(picks.from_px[i, 0]),
-                from_v_px=_or_none(picks.from_px[i, 1]),
-                again=again[i],
-            )
-            for i in range(len(picks.image))
-        ),
+        picks=tuple(Pick(**row, again=count) for row, count in rows),
         lines=tuple(
             Line(
                 name=lines.name[i],
@@ -144,7 +128,7 @@ def make_state(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRe
                 length_m=float(lines.length_m[i]),
                 sigma_m=float(lines.sigma_m[i]),
                 adjust=bool(lines.adjust[i]),
-                tape=lines.tape_of(i),
+                tape=lines.tape[i],
                 along=lines.along_of(i),
             )
             for i in range(len(lines.name))
@@ -157,22 +141,7 @@ def make_observations(state: State) -> tuple[Picks, KnownLines]:
     """Return picks and lengths in the form of the adjustment."""
     picks, lines = state.picks, state.lines
     return (
-        Picks(
-            image=tuple(pick.image for pick in picks),
-            label=tuple(pick.label for pick in picks),
-            pixel_px=np.array([(pick.u_px, pick.v_px) for pick in picks]).reshape(-1, 2),
-            sigma_px=np.array([_or_nan(pick.sigma_px) for pick in picks]),
-            height_m=np.array([_or_nan(pick.height_m) for pick in picks]),
-            height_sigma_m=np.array([_or_nan(pick.height_sigma_m) for pick in picks]),
-            is_free=np.array([pick.is_free for pick in picks], dtype=np.bool_),
-            area=tuple(pick.area for pick in picks),
-            source=tuple(pick.source for pick in picks),
-            score=np.array([_or_nan(pick.score) for pick in picks]),
-            from_image=tuple(pick.from_image for pick in picks),
-            from_px=np.array(
-                [(_or_nan(pick.from_u_px), _or_nan(pick.from_v_px)) for pick in picks]
-            ).reshape(-1, 2),
-        ),
+        PICKS.load([vars(pick) for pick in picks]),
         KnownLines(
             name=tuple(line.name for line in lines),
             start=tuple(line.start for line in lines),
@@ -190,11 +159,3 @@ def remove_matches(state: State, there: Pick) -> State:
     """Remove the matches found from a pick that is moved or removed."""
     kept = tuple(pick for pick in state.picks if not pick.is_match_of(there))
     return replace(state, picks=kept)
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from uavgram.errors import InputError, suggest_spelling
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools
 from uavgram.model.naming import join_names
-from uavgram.model.observations import SAME_PLACE_PX, Picks, Source
+from uavgram.model.observations import SAME_PLACE_PX, Picks, append_rows
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.match import Found, Pair
 
@@ -47,7 +47,7 @@ def find_sources(picks: Picks) -> dict[int, int]:
     """Return the pick that each match was found from, by row; none where that pick was moved."""
     clicks = picks.clicks
     sources: dict[int, int] = {}
-    for i in np.flatnonzero(picks.of_source("match")).tolist() if picks.from_image else ():
+    for i in np.flatnonzero(picks.of_source("match")).tolist():
         for own in clicks.get((picks.from_image[i], picks.label[i]), []):
             if np.linalg.norm(picks.pixel_px[own] - picks.from_px[i]) <= SAME_PLACE_PX:
                 sources[i] = own
@@ -114,34 +114,17 @@ def append_matches(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None
     keep
         (P,) picks that stay; by default all.
     """
-    every = np.ones(len(picks.image), np.bool_) if keep is None else keep
-    rows: list[int] = np.flatnonzero(every).tolist()
-    pairs, news = list(found), list(found.values())
-    origin = [one.pick for one in news]
-    unknown = np.full(len(news), np.nan)
-    match: Source = "match"
-    return Picks(
-        image=(*_some(picks.image, rows), *(image for image, _ in pairs)),
-        label=(*_some(picks.label, rows), *(label for _, label in pairs)),
-        pixel_px=np.concatenate([picks.pixel_px[rows], _pixels([n.pixel_px for n in news])]),
-        sigma_px=np.concatenate([picks.sigma_px[rows], [one.sigma_px for one in news]]),
-        height_m=np.concatenate([picks.height_m[rows], unknown]),
-        height_sigma_m=np.concatenate([picks.height_sigma_m[rows], unknown]),
-        is_free=np.concatenate([picks.is_free[rows], np.zeros(len(news), np.bool_)]),
-        area=(*_some(picks.area, rows), *("" for _ in news)) if picks.area else (),
-        source=(*(picks.source_of(i) for i in rows), *(match for _ in news)),
-        score=np.concatenate([picks.score[rows], [one.score for one in news]]),
-        from_image=(
-            *_some(picks.from_image, rows),
-            *(picks.image[i] for i in origin),
-        ),
-        from_px=np.concatenate([picks.from_px[rows], picks.pixel_px[origin].reshape(-1, 2)]),
+    kept = picks if keep is None else picks.where(keep)
+    origin, news = [one.pick for one in found.values()], list(found.values())
+    matches = Picks(
+        image=tuple(image for image, _ in found),
+        label=tuple(label for _, label in found),
+        pixel_px=np.reshape([one.pixel_px for one in news], (len(news), 2)),
+        sigma_px=np.array([one.sigma_px for one in news]),
+        height_m=np.full(len(news), np.nan),
+        source=("match",) * len(news),
+        score=np.array([one.score for one in news]),
+        from_image=tuple(picks.image[i] for i in origin),
+        from_px=picks.pixel_px[origin],
     )
-
-
-def _some(texts: Sequence[str], rows: Sequence[int]) -> list[str]:
-    return [texts[i] for i in rows] if texts else [""] * len(rows)
-
-
-def _pixels(pixels: Sequence[tuple[float, float]]) -> Floats:
-    return np.array(pixels, dtype=np.float64).reshape(-1, 2)
+    return Picks(**append_rows(kept, matches) | {"line": ()})

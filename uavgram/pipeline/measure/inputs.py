@@ -334,8 +334,7 @@ def _way_without(path: Path, project: Project, photos: Sequence[UnusableFile]) -
 
 def _list_unused(picks: Picks, left_out: frozenset[str]) -> Iterator[int]:
     """List the rows of picks in photos left out, or found from picks there."""
-    sources = picks.from_image or ("",) * len(picks.image)
-    for i, pair in enumerate(zip(picks.image, sources, strict=True)):
+    for i, pair in enumerate(zip(picks.image, picks.from_image, strict=True)):
         if not left_out.isdisjoint(pair):
             yield i
 

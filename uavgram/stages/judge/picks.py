@@ -73,7 +73,7 @@ def judge_picks(
         w=w,
         redundancy=redundancy,
         status=tuple(status),
-        source=tuple(map(picks.source_of, range(count))),
+        source=picks.source,
         score=picks.score,
     )
     return results, examined.effects("pixels", row)

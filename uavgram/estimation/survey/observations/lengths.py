@@ -78,7 +78,7 @@ def select_taped_known(lines: KnownLines, row: Ints, start: Ints, end: Ints) -> 
     start, end
         (n,) the labels of their ends among those of a survey.
     """
-    return TapedLengths(start, end, tuple(lines.tape_of(i) for i in row), _level(lines.along, row))
+    return TapedLengths(start, end, tuple(lines.tape[i] for i in row), _level(lines.along, row))
 
 
 def _level(along: tuple[str, ...], row: Ints) -> Bools:
@@ -149,7 +149,7 @@ class Lengths(Observation):
         end = [truth.row[name] for name in again.end]
         leg = truth.place_m[end] - truth.place_m[start]
         leg[[again.along_of(i) == "horizontal" for i in range(len(kept))], 2] = 0.0
-        tape = [again.tape_of(i) for i in range(len(kept))]
+        tape = again.tape
         scale = {
             name: own.get(name, stated.tape.scale_sigma) * float(truth.rng.standard_normal())
             for name in dict.fromkeys(tape)

@@ -172,7 +172,7 @@ class Pixels(Observation):
             for i, (image, label) in enumerate(zip(picks.image, picks.label, strict=True))
             if image in frame
             and label in truth.row
-            and (picks.source_of(i) != "match" or i in matches)
+            and (picks.source[i] != "match" or i in matches)
         ]
         again = picks.take(kept)
         f = np.array([frame[name] for name in again.image], dtype=np.int64)
