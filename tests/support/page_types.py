@@ -1,15 +1,14 @@
-"""Types of all messages for the page's JavaScript (page/connection/protocol.d.ts).
+"""Types of all messages for the page's JavaScript (connection/protocol.d.ts).
 
 Those of the server are the typed dictionaries of `messages`, those of the page the commands that
-`parse` reads. ``python tests/support/page_types.py`` writes the file.
+`parse` reads. The file is made anew by each check (.ci/page/check) and is part of neither the
+repository nor the package.
 """
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from importlib.resources import files
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import UnionType
 from typing import (
@@ -34,7 +33,7 @@ from uavgram.picking.protocol import messages
 from uavgram.picking.protocol.parse import KINDS
 from uavgram.pipeline.setup import FoundCamera, FoundPhotos
 
-PATH = Path(str(files("uavgram.picking") / "page" / "connection" / "protocol.d.ts"))
+PATH = Path(__file__).parents[2] / ".ci" / "page" / "types" / "connection" / "protocol.d.ts"
 
 HEAD = (
     "// Messages between page and server, as JSON: written by "
@@ -149,15 +148,11 @@ class _PageTypes:
         return _SCALARS.get(origin or hint) or str(hint.__name__)
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Write protocol.d.ts, or compare it with ``--check``; return the exit status."""
-    if "--check" not in arguments:
-        PATH.write_text(page_types(), encoding="utf-8")
-    elif PATH.read_text(encoding="utf-8") != page_types():
-        sys.stderr.write(f"{PATH.name} is not what {__spec__.name} writes: run it\n")
-        return 1
-    return 0
+def main() -> None:
+    """Write protocol.d.ts."""
+    PATH.parent.mkdir(parents=True, exist_ok=True)
+    PATH.write_text(page_types(), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main()

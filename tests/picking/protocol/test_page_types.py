@@ -2,31 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import page_types
-import pytest
 
 
 def declared(name: str) -> str:
     start = f"export interface {name} "
     return next(line for line in page_types.page_types().splitlines() if line.startswith(start))
-
-
-def test_the_file_of_the_page_is_what_the_server_declares() -> None:
-    assert page_types.main(["--check"]) == 0
-
-
-def test_a_file_that_differs_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(page_types, "PATH", tmp_path / "protocol.d.ts")
-    assert page_types.main([]) == 0
-    assert page_types.main(["--check"]) == 0
-    page_types.PATH.write_text("export {};\n", encoding="utf-8")
-
-    assert page_types.main(["--check"]) == 1
-    assert "protocol.d.ts" in capsys.readouterr().err
 
 
 def test_texts_of_numbers_are_text_and_fields_may_be_absent() -> None:

@@ -240,7 +240,6 @@ PATHS = [
     "/page/photos/../../server.py",
     "/page/photos/%2e%2e/%2e%2e/server.py",
     "/page/photos//etc/passwd",
-    "/page/connection/protocol.d.ts",
     "/page/app.js%00.css",
     "/photo/../../project.yaml",
     "/photo/P1.jpg",
