@@ -129,34 +129,22 @@ def test_linux_gets_an_entry_on_the_desktop_and_in_the_menu(tmp_path: Path) -> N
     assert exec_of(text) == ODD
 
 
-def test_the_desktop_is_found_by_its_name_in_the_users_language(tmp_path: Path) -> None:
-    desk = tmp_path / "Schreibtisch"
-    desk.mkdir()
-    (tmp_path / "Desktop").mkdir()
+def test_a_desktop_that_is_not_there_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / ".config"))
     (tmp_path / ".config").mkdir()
     file = tmp_path / ".config" / "user-dirs.dirs"
     file.write_text('XDG_DESKTOP_DIR="$HOME/Schreibtisch"\n')
-    assert desktop_folder(computer(tmp_path, "linux")) == desk
-    assert desktop_folder(computer(tmp_path, "darwin")) == tmp_path / "Desktop"
-    cloud = tmp_path / "OneDrive"
-    (cloud / "Desktop").mkdir(parents=True)
-    assert desktop_folder(computer(tmp_path, "win32", OneDrive=str(cloud))) == cloud / "Desktop"
-
-
-def test_a_desktop_that_is_not_there_is_made(tmp_path: Path) -> None:
-    assert desktop_folder(computer(tmp_path, "linux")) == tmp_path / "Desktop"
-    assert (tmp_path / "Desktop").is_dir()
-    (tmp_path / "Desktop").rmdir()
-    (tmp_path / ".config").mkdir()
-    file = tmp_path / ".config" / "user-dirs.dirs"
-    file.write_text('XDG_DESKTOP_DIR="$HOME/Schreibtisch"\n')
-    assert desktop_folder(computer(tmp_path, "linux")) == tmp_path / "Schreibtisch"
+    assert desktop_folder() == tmp_path / "Schreibtisch"
+    assert (tmp_path / "Schreibtisch").is_dir()
     file.write_text('XDG_DESKTOP_DIR="$HOME/"\n')  # as where a person wants none
-    assert desktop_folder(computer(tmp_path, "linux")) == tmp_path / "Desktop"
+    assert desktop_folder() == tmp_path / "Desktop"
     (tmp_path / "Desktop").rmdir()
     (tmp_path / "Desktop").write_text("a file")
     with pytest.raises(UavgramError, match="--folder"):
-        desktop_folder(computer(tmp_path, "darwin"))
+        desktop_folder()
 
 
 @pytest.mark.parametrize("platform", ["linux", "darwin", "win32"])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import stat
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from platformdirs import user_desktop_path
 
 from uavgram.errors import OutputError, UavgramError
 from uavgram.io.outputs import convert_output_errors, replace_bytes
@@ -40,7 +41,7 @@ class Computer:
     environ: Mapping[str, str]
 
 
-def desktop_folder(computer: Computer) -> Path:
+def desktop_folder() -> Path:
     """Find the user's desktop, by its name in the system's language; make it if there is none.
 
     Raises
@@ -48,48 +49,12 @@ def desktop_folder(computer: Computer) -> Path:
     OutputError
         It cannot be made.
     """
-    home, environ = computer.home, computer.environ
-    candidates = [home / "Desktop"]
-    if computer.platform == "win32":
-        moved = environ.get("OneDrive")
-        candidates = [*_read_registry(), *([Path(moved) / "Desktop"] if moved else []), *candidates]
-    elif computer.platform != "darwin":
-        candidates = [*_read_user_dirs(home, environ), *candidates]
-    candidates = [folder for folder in candidates if folder != home]
-    desk = next((folder for folder in candidates if folder.is_dir()), candidates[0])
+    desk, home = user_desktop_path(), Path.home()
+    if desk == home:  # the user's setting for no desktop
+        desk = home / "Desktop"
     with convert_output_errors(desk, "--folder"):
         desk.mkdir(parents=True, exist_ok=True)
     return desk
-
-
-def _read_registry() -> list[Path]:
-    """Return the desktop in the Windows registry, which also records a moved one."""
-    try:
-        import winreg  # noqa: PLC0415 - exists on Windows only
-    except ImportError:
-        return []
-    key = r"Software\Microsoft\Windows\CurrentVersion\Explorer\User Shell Folders"
-    try:
-        with winreg.OpenKey(winreg.HKEY_CURRENT_USER, key) as found:  # type: ignore[attr-defined]
-            value, _ = winreg.QueryValueEx(found, "Desktop")  # type: ignore[attr-defined]
-    except OSError:
-        return []
-    return [Path(os.path.expandvars(str(value)))]
-
-
-def _read_user_dirs(home: Path, environ: Mapping[str, str]) -> list[Path]:
-    """Return the desktop in freedesktop.org's user-dirs.dirs, such as ``$HOME/Schreibtisch``."""
-    file = Path(environ.get("XDG_CONFIG_HOME") or home / ".config") / "user-dirs.dirs"
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
-        return []
-    for line in lines:
-        name, _, value = line.partition("=")
-        if name.strip() == "XDG_DESKTOP_DIR":
-            path = value.strip().strip('"').replace("$HOME", str(home))
-            return [Path(path)]
-    return []
 
 
 def write_shortcut(computer: Computer, folder: Path) -> tuple[Path, ...]:

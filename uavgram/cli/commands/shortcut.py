@@ -34,7 +34,7 @@ def shortcut(*, folder: Path | None = None) -> int:
         home=Path.home(),
         environ=os.environ,
     )
-    written = write_shortcut(computer, desktop_folder(computer) if folder is None else folder)
+    written = write_shortcut(computer, desktop_folder() if folder is None else folder)
     print_lines(
         f"Icon: {written[0]}", *(f"In the menu of programs: {path}" for path in written[1:])
     )

@@ -19,13 +19,14 @@ import os
 import re
 import shutil
 import socket
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from urllib.parse import quote
+
+from platformdirs import user_state_path
 
 from uavgram.errors import UavgramError
 from uavgram.io.files import open_own, read_own
@@ -64,21 +65,9 @@ class ServerAddress:
     secret: str
 
 
-def servers_folder(platform: str = sys.platform, environ: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of this user in which running servers leave their files.
-
-    Elsewhere than on Windows as in https://specifications.freedesktop.org/basedir-spec/latest/.
-
-    Parameters
-    ----------
-    platform, environ
-        Of the computer and its user.
-    """
-    key, usual = "XDG_STATE_HOME", Path(".local", "state")
-    if platform == "win32":
-        key, usual = "LOCALAPPDATA", Path("AppData", "Local")
-    stated = Path(environ.get(key, ""))
-    return (stated if stated.is_absolute() else Path.home() / usual) / "uavgram"
+def servers_folder() -> Path:
+    """Return the folder of this user in which running servers leave their files."""
+    return user_state_path("uavgram", appauthor=False)
 
 
 def _prefix_of_machine() -> str:
