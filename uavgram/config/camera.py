@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from uavgram.config.strict_yaml import Document, read_yaml
+from uavgram.config.strict_yaml import (
+    Document,
+    Plain,
+    plain_settings,
+    read_yaml,
+    yaml_text,
+)
 from uavgram.config.validation import validate
 from uavgram.errors import InputError
 from uavgram.model.arrays import Floats
@@ -240,16 +243,14 @@ def _check_symmetric(
 _SIGMA_DIGITS = 3
 
 
-def camera_text(calibration: Calibration, provenance: CameraProvenance) -> str:
+def camera_text(calibration: Calibration, provenance: CameraProvenance | None = None) -> str:
     """Return the text of a camera.yaml with the full covariance, for an exact round trip."""
-    names = calibration.parameter_names
+    names, readout = calibration.parameter_names, calibration.readout
     sigma = calibration.covariance.diagonal() ** 0.5
+    head = {key: getattr(calibration, key) for key in ("name", "model", "width_px", "height_px")}
     lines = [
         "# Interior orientation. Pixels: (0, 0) is the centre of the top-left pixel.",
-        f"name: {_quote(calibration.name)}",
-        f"model: {calibration.model}",
-        f"width_px: {calibration.width_px}",
-        f"height_px: {calibration.height_px}",
+        *yaml_text(head, in_blocks=True).splitlines(),
         "parameters:",
         *(
             f"  - {number_text(value)}  # {name} ± {error:.{_SIGMA_DIGITS}g}"
@@ -260,53 +261,18 @@ def camera_text(calibration: Calibration, provenance: CameraProvenance) -> str:
         ),
         f"covariance:  # {' '.join(names)}",
         *(f"  - {_row(row)}" for row in calibration.covariance),
-        *_readout_lines(calibration.readout),
-        "provenance:",
-        *(f"  {line}" for line in _provenance_lines(provenance)),
     ]
-    return "\n".join(lines) + "\n"
-
-
-def _readout_lines(readout: Readout | None) -> Iterable[str]:
     if readout is not None:
-        yield "# In which time a photo is read, from the first row to the last."
-        yield f"readout_ms: {number_text(1e3 * readout.value_s)}"
-        yield f"readout_sigma_ms: {number_text(1e3 * readout.sigma_s)}"
+        lines += [
+            "# In which time a photo is read, from the first row to the last.",
+            f"readout_ms: {number_text(1e3 * readout.value_s)}",
+            f"readout_sigma_ms: {number_text(1e3 * readout.sigma_s)}",
+        ]
+    if provenance is not None:
+        made: Plain = {"provenance": plain_settings(provenance)}
+        lines += yaml_text(made, in_blocks=True).splitlines()
+    return "\n".join(lines) + "\n"
 
 
 def _row(values: Floats) -> str:
     return f"[{', '.join(map(number_text, values.tolist()))}]"
-
-
-def _quote(text: str) -> str:
-    """Return a text in double quotes, with all special characters escaped."""
-    dumped: str = yaml.safe_dump(text, default_style='"', allow_unicode=True, width=math.inf)
-    return dumped.strip()
-
-
-def _provenance_lines(provenance: CameraProvenance) -> Iterable[str]:
-    for key in ("program", "version", "created_utc", "source"):
-        yield f"{key}: {_quote(getattr(provenance, key))}"
-    for key in ("board", "make", "camera_model"):
-        if text := getattr(provenance, key):
-            yield f"{key}: {_quote(text)}"
-    for key in ("focal_mm", "focus_m", "variance_factor"):
-        if (value := getattr(provenance, key)) is not None:
-            yield f"{key}: {number_text(float(value))}"
-    if provenance.options:
-        yield "options:"
-        yield from (
-            f"  {_quote(name)}: {_plain(value)}" for name, value in provenance.options.items()
-        )
-    if provenance.inputs:
-        yield "inputs:"
-        for one in provenance.inputs:
-            yield f"  - path: {_quote(one.path)}"
-            yield f"    sha256: {_quote(one.sha256)}"
-            yield f"    size_bytes: {one.size_bytes}"
-
-
-def _plain(value: bool | int | float | str) -> str:  # noqa: FBT001 (data, no switch)
-    if isinstance(value, str):
-        return _quote(value)
-    return str(value).lower() if isinstance(value, bool) else number_text(value)

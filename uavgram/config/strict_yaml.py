@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -255,10 +255,35 @@ WIDTH = 110
 """Largest number of characters in a written line."""
 
 
-def yaml_text(data: Plain) -> str:
-    """Write plain data as YAML, in its order."""
-    text: str = yaml.safe_dump(
-        data, sort_keys=False, allow_unicode=True, width=WIDTH, default_flow_style=None
+class _Dumper(yaml.SafeDumper):
+    """Writer that puts a text in quotes where `resolve_scalar` would not read it as text."""
+
+
+_Dumper.add_representer(
+    str,
+    lambda dumper, text: dumper.represent_scalar(
+        f"{_PREFIX}str", text, style=None if resolve_scalar(text) == text else '"'
+    ),
+)
+
+
+def yaml_text(data: Plain, *, in_blocks: bool = False) -> str:
+    """Write plain data as YAML, in its order.
+
+    Parameters
+    ----------
+    data
+        What is to be written.
+    in_blocks
+        Whether the innermost lists and mappings have a line for each entry, too.
+    """
+    text: str = yaml.dump(
+        data,
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=WIDTH,
+        default_flow_style=False if in_blocks else None,
     )
     return text
 
@@ -274,6 +299,8 @@ def plain_settings(value: object) -> Plain:
             for one in fields(value)
             if getattr(value, one.name) != _default(one)
         }
+    if isinstance(value, Mapping):
+        return {name: plain_settings(one) for name, one in value.items()}
     if isinstance(value, tuple):
         each = [plain_settings(one) for one in value]
         return each[0] if len(each) == 1 and isinstance(each[0], str) else each

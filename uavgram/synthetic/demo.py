@@ -12,17 +12,26 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from uavgram.config.camera import camera_text
 from uavgram.errors import InputError, OutputError
 from uavgram.io.files import remove_link
 from uavgram.io.json_codec import Record, encode, records
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.photos.tagging import insert_exif
 from uavgram.io.tables.csv_tables import csv_text
-from uavgram.io.tables.updates import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER, update_measure
+from uavgram.io.tables.updates import (
+    LINES_HEADER,
+    MEASURE_HEADER,
+    PICKS_HEADER,
+    create_table,
+    update_lines,
+    update_measure,
+    update_picks,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration
-from uavgram.model.limits import number_text
 from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.inputs import NO_LINES, NO_PICKS
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
@@ -32,6 +41,7 @@ from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, format_project, make_project, simulate
 
 JPEG_QUALITY = 92
+HEADERS = {"picks.csv": PICKS_HEADER, "lines.csv": LINES_HEADER, "measure.csv": MEASURE_HEADER}
 MAKE = "uavgram"
 _SHARED = (
     *("intrinsics", "boresight_rad", "lever_arm_m", "position_bias_m", "heading_bias_rad"),
@@ -63,7 +73,7 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
     try:
         _write_flight(folder, survey, photos)
         _write_observations(folder, survey)
-        _write_requests(folder, survey)
+        _write_known_points(folder, survey)
         truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
         remove_link(folder / "truth.json").write_text(truth, encoding="utf-8")
         project = remove_link(folder / "project.yaml")
@@ -97,12 +107,7 @@ def write_unpicked(
         It cannot be written.
     """
     _write_flight(folder, survey, photos)
-    for name, header in (
-        ("picks.csv", PICKS_HEADER),
-        ("lines.csv", LINES_HEADER),
-        ("measure.csv", MEASURE_HEADER),
-    ):
-        _write_csv(folder / name, header, ())
+    _write_tables(folder, dict.fromkeys(HEADERS))
     project = remove_link(folder / "project.yaml")
     unchecked = replace(make_project(survey.scenario), check=None)
     project.write_text(format_project(unchecked, about), encoding="utf-8")
@@ -152,7 +157,8 @@ def _write_flight(
     _make_photo_folder(folder / "photos", survey.frame_id)
     _write_photos(folder / "photos", survey, photos)
     write_tlog(remove_link(folder / "flight.tlog"), survey.log)
-    remove_link(folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
+    camera = camera_text(survey.calibration)
+    remove_link(folder / "camera.yaml").write_text(camera, encoding="utf-8")
 
 
 def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
@@ -181,44 +187,36 @@ def _write_photos(
 
 
 def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
-    """Write picks.csv and lines.csv."""
+    """Write picks.csv, lines.csv and measure.csv."""
     picks, lines = survey.picks, survey.lines
-    columns = [picks.image, picks.label, *_texts(picks.pixel_px, 3)]
-    columns += _texts(picks.sigma_px[:, None], 2)
-    header = PICKS_HEADER[: len(columns)]
-    heights = [
-        "free" if free else "" if np.isnan(height) else f"{height:.4f}"
-        for free, height in zip(picks.is_free.tolist(), picks.height_m.tolist(), strict=True)
-    ]
-    if any(heights):
-        header, columns = PICKS_HEADER, [*columns, heights]
-    if "target" in picks.source:  # corners of plates are found by the program
-        found = ["target" if source == "target" else "" for source in picks.source]
-        header, columns = (*header, "source"), [*columns, found]
-    _write_csv(folder / "picks.csv", header, zip(*columns, strict=True))
-    _write_csv(
-        folder / "lines.csv",
-        ("name", "from", "to", "length_m", "sigma_m", "use"),
-        zip(
-            lines.name,
-            lines.start,
-            lines.end,
-            *_texts(np.column_stack([lines.length_m, lines.sigma_m]), 4),
-            ("adjust" if adjust else "check" for adjust in lines.adjust.tolist()),
-            strict=True,
-        ),
+    picks = replace(
+        picks,
+        pixel_px=picks.pixel_px.round(3),
+        sigma_px=picks.sigma_px.round(2),
+        height_m=picks.height_m.round(4),
     )
+    lines = replace(lines, length_m=lines.length_m.round(4), sigma_m=lines.sigma_m.round(4))
+    tables = {
+        "picks.csv": update_picks(None, NO_PICKS, picks),
+        "lines.csv": update_lines(None, NO_LINES, lines),
+        "measure.csv": update_measure(None, (), survey.measurements),
+    }
+    _write_tables(folder, tables)
 
 
-def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
-    """Write measure.csv, and check.csv (and control.csv) with known coordinates."""
+def _write_tables(folder: Path, contents: Mapping[str, bytes | None]) -> None:
+    """Write tables; those without content have only a header."""
+    for name, content in contents.items():
+        remove_link(folder / name).write_bytes(content or create_table(HEADERS[name], ()))
+
+
+def _write_known_points(folder: Path, survey: SimulatedSurvey) -> None:
+    """Write check.csv (and control.csv) with known coordinates."""
     for name, points in (("check.csv", survey.checks), ("control.csv", survey.control)):
         if len(points.label) or name == "check.csv":
             columns = _texts(np.column_stack([points.coordinates, points.sigma_m[:, 0]]), 4)
             header = ("label", "east_m", "north_m", "up_m", "sigma_m")
             _write_csv(folder / name, header, zip(points.label, *columns, strict=True))
-    requests = update_measure(None, (), survey.measurements)
-    remove_link(folder / "measure.csv").write_bytes(requests or b"")
 
 
 def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
@@ -228,24 +226,6 @@ def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]])
 def _texts(columns: Floats, digits: int) -> list[list[str]]:
     """Format the columns of (N, K) numbers as text."""
     return [[f"{value:.{digits}f}" for value in column] for column in columns.T.tolist()]
-
-
-def _camera_yaml(survey: SimulatedSurvey) -> str:
-    camera = survey.calibration
-    rows = [", ".join(number_text(v) for v in row) for row in camera.covariance.tolist()]
-    return "\n".join(
-        [
-            f"name: {camera.name}",
-            f"model: {camera.model}",
-            f"width_px: {camera.width_px}",
-            f"height_px: {camera.height_px}",
-            "# fx fy cx cy k1 k2 p1 p2 k3; the true camera is drawn from this covariance",
-            f"parameters: [{', '.join(number_text(v) for v in camera.parameters.tolist())}]",
-            "covariance:",
-            *(f"  - [{row}]" for row in rows),
-            "",
-        ]
-    )
 
 
 @limit_blas_threads
