@@ -10,7 +10,14 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import PLATE_CORNERS, corner_label, plate_label, plate_of
-from uavgram.model.observations import KnownLines, Picks, RejectedPlate, SeenPlate, append_rows
+from uavgram.model.observations import (
+    KnownLines,
+    Picks,
+    RejectedPlate,
+    SeenPlate,
+    Source,
+    append_rows,
+)
 
 PLATE_TAPE = "targets"
 """Name of the tape of all plates, as one printer made them: they share its scale."""
@@ -236,13 +243,14 @@ def target_row(
 
 def append_targets(kept: Picks, rows: Sequence[TargetRow]) -> Picks:
     """Append rows of targets to picks."""
+    target: Source = "target"
     targets = Picks(
         image=tuple(row.image for row in rows),
         label=tuple(row.label for row in rows),
         pixel_px=np.reshape([[row.u_px, row.v_px] for row in rows], (len(rows), 2)),
         sigma_px=np.array([row.sigma_px for row in rows]),
         height_m=np.full(len(rows), np.nan),
-        source=("target",) * len(rows),
+        source=(target,) * len(rows),
         score=np.array([row.score for row in rows]),
     )
     return Picks(**append_rows(kept, targets) | {"line": ()})

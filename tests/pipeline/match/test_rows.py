@@ -48,7 +48,7 @@ def test_the_picks_that_stay_keep_their_numbers_of_rows(tmp_path: Path) -> None:
     path.write_text(TABLE, encoding="utf-8")
     picks = append_matches(read_picks(path), {("b.jpg", "P"): found(0, 5.5)})
 
-    less = append_matches(picks, {}, keep=np.array([True, False, True]))
+    less = picks.where(np.array([True, False, True]))
 
     assert (less.image, less.label) == (("a.jpg", "b.jpg"), ("P", "P"))
     assert less.is_free.tolist() == [False, False]

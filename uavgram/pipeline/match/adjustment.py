@@ -164,7 +164,7 @@ class BaseAdjustment:
         if asked.any():
             unfit[list(self._try_finds({}).out)] = True
             unfit &= asked
-        picks = append_matches(self.inputs.picks, {}, keep=~unfit)
+        picks = self.inputs.picks.where(~unfit)
         return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
 
     def free_heights(self, labels: Collection[str]) -> BaseAdjustment:
@@ -465,7 +465,7 @@ def _mark_repeated(survey: Survey, labels: Bools) -> Bools:
 
 
 def _mark_manual(picks: Picks) -> Picks:
-    return append_matches(picks, {}, keep=~picks.of_source("match"))
+    return picks.where(~picks.of_source("match"))
 
 
 def _photos_of_labels(survey: Survey) -> Ints:

@@ -118,7 +118,7 @@ def undo_matches(
     path = Path(inputs.project.picks)
     if not dry_run:
         with lock_tables(inputs.project, inputs.project_path):
-            path = save_picks(inputs, append_matches(inputs.picks, {}, keep=stays))
+            path = save_picks(inputs, inputs.picks.where(stays))
     return RemovedMatches(path, int((~stays).sum()))
 
 
@@ -130,7 +130,7 @@ def _sought(inputs: Inputs, asked: Selection) -> tuple[str, ...]:
 def _adjust_base(inputs: Inputs, stays: Bools) -> BaseAdjustment:
     """Return the project without replaced matches, with the picks by people adjusted."""
     try:
-        picks = append_matches(inputs.picks, {}, keep=stays)
+        picks = inputs.picks.where(stays)
         return adjust_manual_picks(replace(inputs, picks=picks), pose_frames(inputs))
     except GeometryError as why:
         raise UavgramError(

@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.errors import InputError, suggest_spelling
 from uavgram.model.arrays import Bools
 from uavgram.model.naming import join_names
-from uavgram.model.observations import SAME_PLACE_PX, Picks, append_rows
+from uavgram.model.observations import SAME_PLACE_PX, Picks, Source, append_rows
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.match import Found, Pair
 
@@ -102,7 +102,7 @@ def list_manual_labels(picks: Picks) -> tuple[str, ...]:
     return tuple(dict.fromkeys(picks.label[i] for i in by_hand))
 
 
-def append_matches(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = None) -> Picks:
+def append_matches(picks: Picks, found: Mapping[Pair, Found]) -> Picks:
     """Append finds to picks.
 
     Parameters
@@ -111,20 +111,18 @@ def append_matches(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None
         All picks.
     found
         By photo and label, each from one of these picks.
-    keep
-        (P,) picks that stay; by default all.
     """
-    kept = picks if keep is None else picks.where(keep)
     origin, news = [one.pick for one in found.values()], list(found.values())
+    match: Source = "match"
     matches = Picks(
         image=tuple(image for image, _ in found),
         label=tuple(label for _, label in found),
         pixel_px=np.reshape([one.pixel_px for one in news], (len(news), 2)),
         sigma_px=np.array([one.sigma_px for one in news]),
         height_m=np.full(len(news), np.nan),
-        source=("match",) * len(news),
+        source=(match,) * len(news),
         score=np.array([one.score for one in news]),
         from_image=tuple(picks.image[i] for i in origin),
         from_px=picks.pixel_px[origin],
     )
-    return Picks(**append_rows(kept, matches) | {"line": ()})
+    return Picks(**append_rows(picks, matches) | {"line": ()})
