@@ -285,16 +285,28 @@ class Table:
         if self.faults:
             raise InputError.of_all(self.path, self.faults)
 
+    def find_repeated(self, keys: Iterable[tuple[str, ...]]) -> Iterator[tuple[int, int]]:
+        """Yield rows whose key occurs in an earlier one, and its line; keys with gaps are left out.
+
+        Parameters
+        ----------
+        keys
+            (N,) of the rows.
+        """
+        first: dict[tuple[str, ...], int] = {}
+        for row, key in enumerate(keys):
+            if not all(key):
+                continue
+            earlier = first.setdefault(key, row)
+            if earlier != row:
+                yield row, int(self.line[earlier])
+
     def require_unique(self, name: str, what: str) -> None:
         """Report every text of a column that occurs in an earlier row too."""
-        first: dict[str, int] = {}
-        for row, word in enumerate(self.text[name]):
-            if word and word in first:
-                earlier = self.line[first[word]]
-                self.add_fault(
-                    row, f"{what} {word!r} is already in line {earlier}: rename or remove one"
-                )
-            first.setdefault(word, row)
+        texts = self.text[name]
+        for row, line in self.find_repeated(zip(texts)):
+            text = f"{what} {texts[row]!r} is already in line {line}: rename or remove one"
+            self.add_fault(row, text)
 
 
 def read_table(path: str | Path, columns: Columns) -> Table:

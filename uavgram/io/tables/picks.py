@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -123,19 +124,15 @@ def _rows_with(table: Table, name: str, pattern: re.Pattern[str]) -> Iterator[tu
 
 def _check_doubles(table: Table) -> None:
     """Report labels that the program found twice in one photo: only clicks may be repeated."""
-    by_program = [text in _SOURCES for text in table.text["source"]]
-    first: dict[tuple[str, str, str], int] = {}
-    for row, pick in enumerate(
-        zip(table.text["image"], table.text["label"], table.text["source"], strict=True)
-    ):
-        if by_program[row] and all(pick) and pick in first:
-            image, label, source = pick
+    picks = list(zip(*(table.text[name] for name in ("image", "label", "source")), strict=True))
+    for row, line in table.find_repeated(picks):
+        image, label, source = picks[row]
+        if source in _SOURCES:
             table.add_fault(
                 row,
                 f"label {label!r} is found twice in image {image!r} (source {source}), first in "
-                f"line {table.line[first[pick]]}: only a click is repeated; remove one",
+                f"line {line}: only a click is repeated; remove one",
             )
-        first.setdefault(pick, row)
 
 
 def _check_same(table: Table, name: str, values: Sequence[str], remedy: str) -> None:
@@ -191,23 +188,19 @@ def read_ties(path: str | Path) -> TiePicks:
 
 def _check_images(table: Table) -> None:
     """Report tie points that occur twice in one image, or in one image only."""
-    first: dict[tuple[str, str], int] = {}
-    rows: dict[str, list[int]] = {}
-    for row, (image, tie) in enumerate(zip(table.text["image"], table.text["tie"], strict=True)):
-        if not (image and tie):
-            continue
-        rows.setdefault(tie, []).append(row)
-        earlier = first.setdefault((image, tie), row)
-        if earlier != row:
+    sightings = list(zip(table.text["image"], table.text["tie"], strict=True))
+    for row, line in table.find_repeated(sightings):
+        image, tie = sightings[row]
+        table.add_fault(
+            row,
+            f"tie point {tie!r} occurs twice in image {image!r}, first in line {line}: a photo "
+            "shows one point once; remove one, or rename it",
+        )
+    count = Counter(tie for image, tie in sightings if image)
+    for row, (image, tie) in enumerate(sightings):
+        if image and tie and count[tie] == 1:
             table.add_fault(
                 row,
-                f"tie point {tie!r} occurs twice in image {image!r}, first in line "
-                f"{table.line[earlier]}: a photo shows one point once; remove one, or rename it",
-            )
-    for tie, of_tie in rows.items():
-        if len(of_tie) == 1:
-            table.add_fault(
-                of_tie[0],
                 f"tie point {tie!r} is in one image only, and ties nothing: remove it, or add "
                 "its place in another image",
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -39,6 +40,7 @@ from uavgram.views.survey.verdict import list_named_picks
 from uavgram.views.units import INCH_M, format_sigma, format_value
 
 _PIXEL_DIGITS = 4
+_ORIGIN = ("source", "score", "from_image", "from_u_px", "from_v_px")
 METRES_OF_A_DEGREE = 111_320.0
 """Length of a degree of a great circle."""
 TAG_M = 0.1
@@ -88,24 +90,9 @@ def _repeated(state: State, index: Mapping[str, int]) -> list[m.Pair]:
 
 def _pick(pick: Pick, index: Mapping[str, int]) -> m.Pick:
     """Encode a pick; fields on its origin are left out for a person's pick."""
-    fields: m.Pick = {
-        "image": index[pick.image],
-        "label": pick.label,
-        "u_px": pick.u_px,
-        "v_px": pick.v_px,
-        "sigma_px": pick.sigma_px,
-        "height_m": pick.height_m,
-        "height_sigma_m": pick.height_sigma_m,
-        "is_free": pick.is_free,
-        "area": pick.area,
-    }
-    if pick.source != "hand":
-        fields["source"] = pick.source
-        fields["score"] = pick.score
-        fields["from_image"] = index.get(pick.from_image)
-        fields["from_u_px"] = pick.from_u_px
-        fields["from_v_px"] = pick.from_v_px
-    return fields
+    left_out = {"again", *(_ORIGIN if pick.source == "hand" else ())}
+    fields = vars(pick) | {"image": index[pick.image], "from_image": index.get(pick.from_image)}
+    return cast("m.Pick", {name: fields[name] for name in fields if name not in left_out})
 
 
 def _request(request: MeasurementRequest) -> m.Measurement:

@@ -473,17 +473,7 @@ class PickedTargets:
             return match
         focal = float(self._survey.inputs.calibration.parameters[0])
         row = make_pick_row(match.image, match.label, there, focal)
-        return replace(
-            match,
-            u_px=row.u_px,
-            v_px=row.v_px,
-            sigma_px=row.sigma_px,
-            source="target",
-            score=row.score,
-            from_image="",
-            from_u_px=None,
-            from_v_px=None,
-        )
+        return c.Place(**vars(row), source="target")
 
     def _at_pick(self, match: c.Place) -> UncodedTarget | None:
         """Return the target at the source pick of a match; each pick is searched once."""

@@ -209,13 +209,5 @@ class PlateSearch:
 
 
 def _outcome(row: TargetRow) -> Outcome:
-    place = c.Place(
-        image=row.image,
-        label=row.label,
-        u_px=row.u_px,
-        v_px=row.v_px,
-        sigma_px=row.sigma_px,
-        source="target",
-        score=row.score,
-    )
-    return Outcome(source=None, radius_px=0.0, found=place)
+    found = c.Place(**vars(row), source="target")
+    return Outcome(source=None, radius_px=0.0, found=found)
