@@ -27,6 +27,7 @@ import { onTile } from "./photos/tiles.js";
 import { onTone } from "./photos/tone.js";
 
 /** @import { Change, ServerMessage } from "./connection/protocol.js" */
+/** @import { PaneEvents } from "./photos/pane.js" */
 
 const [MARKS, VALUES, ALL] = [1, 2, 3]; // levels of refresh
 const GONE_AFTER_MS = 3000;
@@ -47,7 +48,7 @@ class App {
         shown: () => this.shown(),
         sharpened: () => this.filmstrip.loadThumbnails(),
         clicked: (pane, u, v) => this.tools.clicked(pane, u, v),
-        clickedMark: (label) => this.tools.clicks.onMark(label),
+        ahead: /** @type {PaneEvents["ahead"]} */ ((pane, at) => this.tools.clicks.ahead(pane, at)),
         doubled: () => this.navigation.doubled(),
         selected: (label) => this.tools.select(label),
         dragged: (...move) => this.tools.drag(...move),
@@ -58,7 +59,7 @@ class App {
     this.filmstrip = new Filmstrip(panes);
     this.tools = new Tools({ state, link, notice, panes, rebuild: () => this.rebuild(), moved: () => this.refreshSoon(MARKS), showForms: () => this.panel.setTab("measure") });
     this.navigation = new Navigation({ state, notice, panes, tools: this.tools, newStep: () => link.newStep() });
-    this.project = new ProjectActions({ state, link, notice, settle: () => this.tools.settleEntry(), showPanel: () => this.panel.show(), written: () => { this.notice.hide(); this.panel.setTab("results"); },
+    this.project = new ProjectActions({ state, link, notice, settle: () => this.tools.settle(), showPanel: () => this.panel.show(), written: () => { this.notice.hide(); this.panel.setTab("results"); },
       stays: () => { this.filmstrip.loadThumbnails(); for (const pane of panes.all) pane.redraw(); } });
     const side = new SideView({ state, link, notice, show: () => this.panel.show() });
     this.panel = new Panel({ state, panes, side, tools: this.tools, project: this.project });
@@ -88,6 +89,7 @@ class App {
     byId("help-button").onclick = () => navigation.help();
     for (const group of ["pane-counts", "tabs", "strip"]) roving(byId(group));
     throughRows(byId("panel"));
+    byId("panel").addEventListener("input", () => this.refreshSoon(VALUES)); // what the next click does depends on a typed reading
     buildHelp(as(HTMLDialogElement, byId("help")), () => this.showSteps());
     listenToKeys({ state, panes, tools, navigation, project, setPanes });
     for (const end of ["visibilitychange", "pagehide"]) addEventListener(end, () => this.keep()); // browsers differ in which comes last

@@ -1,12 +1,15 @@
-// A click in a photo: places the point that is expected there, or a new one; an ambiguous click leads to a
-// question.
+// A click in a photo: selects the mark there, or places the point that is expected there, or a new one; an ambiguous
+// click leads to a question. The same decision says beforehand what the next click does.
 
 import { proposalAt } from "../connection/store.js";
-import { markOn, marksNear } from "../photos/nearby_marks.js";
+import { typedText } from "../elements/units.js";
+import { entryMessage, formToTake } from "../panel/entry.js";
+import { markOn, marksNear, SAME_PX } from "../photos/nearby_marks.js";
+import { TOOLS } from "./keys.js";
 
-/** @import { Change } from "../connection/protocol.js" */
+/** @import { Change, SetLine, SetMeasurement } from "../connection/protocol.js" */
 /** @import { Pane } from "../photos/pane.js" */
-/** @import { Choice, Given } from "./labels_by_place.js" */
+/** @import { Choice, Given, Unclear } from "./labels_by_place.js" */
 /** @import { Tools } from "./tools.js" */
 
 export class Clicks {
@@ -25,13 +28,12 @@ export class Clicks {
     if (this.waits() || this.tools.again.takes(pane, u, v)) return;
     this.tools.leave(true);
     const { image } = pane;
-    const near = marksNear(pane, u, v, names.coming);
-    const on = markOn(near);
-    if (on?.hollow && proposalAt(image, on.label)?.source === "target") { // an independent observation, and more exact than a click
-      this.tools.proposals.acceptHere(pane, on.label);
+    const found = this.meant(pane, u, v);
+    if (found.mark) {
+      if (found.mark === "target") this.tools.proposals.acceptHere(pane, found.label);
+      else this.tools.clickedMark(found.label);
       return;
     }
-    const found = names.beside(near, { image, u, v, scale: pane.view.scale });
     if (!found.choices) {
       this.tell(this.take(pane, found.label, u, v, sigma_px), image, found);
       return;
@@ -50,9 +52,44 @@ export class Clicks {
     rebuild();
   }
 
-  /** Handles a click on a point's mark. @param {string} label */
-  onMark(label) {
-    if (!this.waits()) this.tools.clickedMark(label);
+  /** Decides what a click on a place means. @param {Pane} pane @param {number} u @param {number} v @returns {Given | Unclear} */
+  meant(pane, u, v) {
+    const { names, state } = this.tools;
+    const { image, view: { scale } } = pane;
+    const near = marksNear(pane, u, v, names.coming);
+    const on = markOn(near);
+    const isOtherEnd = on?.label === state.draft.at(-1) && (on?.away ?? 0) > SAME_PX; // a line's other end may be so near
+    if (on && !on.hollow && !isOtherEnd) return { label: on.label, mark: "pick" };
+    // An independent observation, and more exact than a click.
+    if (on?.hollow && proposalAt(image, on.label)?.source === "target") return { label: on.label, mark: "target" };
+    return names.beside(near, { image, u, v, scale });
+  }
+
+  // Says what the next click in a photo does; empty if it does nothing, or answers a question.
+  /** @param {Pane} pane @param {[number, number] | null} at null: a place where nothing is @returns {string} */
+  ahead(pane, at) {
+    const { again, question, state: { draft, entry } } = this.tools;
+    if ((at ? pane.refusal : pane.fault) || question.isOpen) return "";
+    if (again.left.length) return `marks ${again.left[0].label} once more`;
+    const form = entry && formToTake(entry);
+    const { message, why } = form ? entryMessage(entry, form, (t) => this.tools.namesOf(t)) : {};
+    if (why) return `marks nothing before the form at the side is corrected: ${why}`;
+    const tool = TOOLS[this.tools.isElsewhere(pane) ? "pick" : this.tools.state.tool];
+    const role = tool === TOOLS.pick ? "" : ` (${tool.name}, point ${draft.length + 1}${tool.most === tool.least ? ` of ${tool.least}` : ""})`;
+    return [message && taken(message), this.aheadAt(pane, at, role)].filter(Boolean).join("; then ");
+  }
+
+  /** @param {Pane} pane @param {[number, number] | null} at @param {string} role of the point in the drawing */
+  aheadAt(pane, at, role) {
+    const { tools } = this;
+    /** @type {Given | Unclear} */
+    const found = at ? this.meant(pane, ...at) : { label: tools.names.inField(pane.image).name };
+    if (found.choices) return "asks which point this is";
+    const { label, mark } = found;
+    if (mark === "target") return `takes ${label}, as the program found it${role}`;
+    if (mark && !role) return `selects ${label}`;
+    if (mark) return tools.isEnd(label) ? "ends the drawing" : tools.faultOf(label) ? "takes nothing: choose another point" : `takes ${label}${role}`;
+    return `marks ${tools.names.isThere(label) ? `${label} here, too` : `a new point, ${label}`}${role}`;
   }
 
   // Undo takes back what was done last: of a click that led to a question, there is only the question.
@@ -91,4 +128,10 @@ export class Clicks {
     else if (say && instead) offers.show(say, placed, { words: `No, a new point: ${instead}`, act: () => edits.another(label, instead, image) });
     else if (say) notice.show(say, true);
   }
+}
+
+/** Says what becomes of an open form. @param {SetLine | SetMeasurement} message */
+function taken(message) {
+  if (message.t === "line") return `takes ${typedText(message.length_m)} for ${message.name}`;
+  return message.kind === "distance" ? `computes ${message.points.join(" \u2013 ")}, as no reading is typed` : `adds ${message.name}`;
 }

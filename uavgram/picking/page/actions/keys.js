@@ -175,10 +175,10 @@ function handle(acted, event) {
   return false;
 }
 
-// Returns whether something that waits for an answer takes no such key: then only the view changes.
+// Returns whether something that waits for an answer takes no such key.
 /** @param {Acted} acted @param {string} name */
 function isHeldUp({ tools }, name) {
-  return !VIEWING.has(name) && tools.holdsUp(name);
+  return tools.typedNumbers.holdsUp(name, VIEWING.has(name));
 }
 
 /**

@@ -16,10 +16,10 @@ import { TOOLS } from "./keys.js";
 /** @typedef {{ label: string, words: string, isNew?: boolean, mark?: "pick" | "hollow", order?: Order }} Choice `mark`: it is one that is there */
 /**
  * A label, and a message about it; `instead`: the name of a new point, which may have been meant; `found`: its
- * place as the program found it, which may have been meant.
- * @typedef {{ label: string, say?: string, instead?: string, found?: boolean, choices?: undefined }} Given
+ * place as the program found it, which may have been meant; `mark`: it is the mark of a pick, or of a found target.
+ * @typedef {{ label: string, say?: string, instead?: string, found?: boolean, mark?: "pick" | "target", choices?: undefined }} Given
  */
-/** @typedef {{ words: string, choices: Choice[], about?: string }} Unclear `about`: the label whose place is to be seen */
+/** @typedef {{ words: string, choices: Choice[], about?: string, mark?: undefined }} Unclear `about`: the label whose place is to be seen */
 
 const MOST_CHOICES = 4;
 

@@ -4,7 +4,7 @@ import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js
 import { as, byId } from "../elements/dom.js";
 import { Question } from "../elements/question.js";
 import { roundSmall } from "../elements/units.js";
-import { distanceMessage, entryMessage, formToTake, isUnread, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
+import { entryMessage, formToTake, isUnread, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith, goneWithPoint } from "../photos/sources.js";
 import { Again } from "./repeated_clicks.js";
@@ -26,7 +26,6 @@ import { inputIn, TypedNumbers } from "./typed_numbers.js";
 /** @import { ToolName } from "./keys.js" */
 /** @import { Entry, NewLine, PageState } from "./page_state.js" */
 
-const HELD = /^([a-z.]|Delete|Arrow\w+|.*\+Arrow\w+)$/i; // keys that may be meant for the number of a form
 const ASKED = ["skid_speed", "speed", "volume"]; // kinds that need parameters besides their points
 
 export class Tools {
@@ -71,7 +70,7 @@ export class Tools {
   /** @param {ToolName} tool */
   setTool(tool) {
     this.question.cancel();
-    if (!this.settleEntry()) return; // its fault is shown
+    if (!this.settle()) return; // its fault is shown
     this.isRefused = false;
     Object.assign(this.state, { tool, draft: [], entry: null, drawsIn: null });
     showTool(tool);
@@ -99,9 +98,14 @@ export class Tools {
   // Ends a tool that was used in another photo than the present one, where clicks pick points first. Points of one
   // drawing may be in several photos. An empty form stays while a person looks at other photos, until a click there.
   leave(clicks = false) {
-    const { panes: { active }, state: { drawsIn, draft, entry } } = this;
-    const isElsewhere = active && drawsIn !== null && drawsIn !== active.image;
-    if (isElsewhere && !draft.length && (!entry || clicks || typedForm())) this.setTool("pick");
+    const { panes: { active }, state: { entry } } = this;
+    if (active && this.isElsewhere(active) && (!entry || clicks || typedForm())) this.setTool("pick");
+  }
+
+  /** Whether the tool was used in another photo, and no drawing goes on. @param {Pane} pane */
+  isElsewhere({ image }) {
+    const { drawsIn, draft } = this.state;
+    return drawsIn !== null && drawsIn !== image && !draft.length;
   }
 
   /** @param {string} label @param {boolean} isLeft */
@@ -169,19 +173,27 @@ export class Tools {
     return TOOLS[tool].apart && labels().includes(label) ? placeFault(label) : "";
   }
 
+  // Whether a point, clicked once more, ends the drawing: its last one, or the first one of a boundary.
+  /** @param {string} label */
+  isEnd(label) {
+    const { draft, tool } = this.state;
+    const isClosed = (tool === "area" || tool === "volume") && label === draft[0];
+    return draft.length >= TOOLS[tool].least && (isClosed || label === draft.at(-1));
+  }
+
   /** @param {string} label */
   extend(label) {
     if (!this.settleEntry()) return; // its fault is shown
+    if (this.isEnd(label)) {
+      this.finish();
+      return;
+    }
     const { draft, tool } = this.state;
     const { most } = TOOLS[tool];
     const why = this.faultOf(label);
     this.isRefused = Boolean(why);
     if (why) {
       this.notice.show(why);
-      return;
-    }
-    if ((tool === "area" || tool === "volume") && draft.length >= 3 && label === draft[0]) {
-      this.finish();
       return;
     }
     draft.push(label);
@@ -195,6 +207,12 @@ export class Tools {
     const form = this.state.entry && formToTake(this.state.entry);
     if (form) this.entered(form);
     return !form || !this.state.entry;
+  }
+
+  // Ends what is open, before something else begins: a drawing that may have any number of points, and a form.
+  settle() {
+    if (!TOOLS[this.state.tool].most) this.finish();
+    return this.settleEntry();
   }
 
   finish() {
@@ -234,7 +252,7 @@ export class Tools {
     const { entry } = this.state;
     if (!entry) return;
     const isWanted = isUnread(entry);
-    const { message, why, field } = isWanted ? distanceMessage(entry, freeName(TOOLS.distance.prefix, new Set(this.namesOf("measure")))) : entryMessage(entry, new FormData(form), this.namesOf(entry.t));
+    const { message, why, field } = entryMessage(entry, form, (t) => this.namesOf(t));
     if (!message) {
       showFault(form, why, field);
       return;
@@ -264,22 +282,6 @@ export class Tools {
   changeMeasurement(measurement) {
     this.state.side = measurement.name;
     this.ask({ ...measurement, t: "measure", was: measurement.name });
-  }
-
-  // Returns whether a key does nothing now, and says what waits: a round of repeated clicks, a question, or the number
-  // of a form, which only the key of a tool ends.
-  /** @param {string} key */
-  holdsUp(key) {
-    const { again, notice, question, state } = this;
-    if (again.left.length) return true; // its notice stays
-    if (question.isOpen) {
-      question.insist();
-      question.refused(key);
-      return true;
-    }
-    const holds = state.entry !== null && HELD.test(key) && !Object.values(TOOLS).some((tool) => tool.key === key.toLowerCase());
-    if (holds) notice.show(`${key.toUpperCase()} was not used: the form at the side waits for its number. Type it and press Enter; Esc drops the form.`);
-    return holds;
   }
 
   cancel() {

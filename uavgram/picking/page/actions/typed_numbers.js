@@ -1,5 +1,5 @@
-// Numbers typed while no field has the focus: an open form takes them; else they act as shortcuts, unless they may be
-// the length of a line.
+// Keys while no field has the focus: an open form takes what may be of its number, and holds up other letters; else they
+// act as shortcuts, unless they may be the length of a line.
 
 import { byId } from "../elements/dom.js";
 import { NUMERAL } from "../elements/numbers.js";
@@ -8,6 +8,8 @@ import { TOOLS } from "./keys.js";
 
 /** @import { Tools } from "./tools.js" */
 
+const HELD = /^([a-z.]|Delete|Arrow\w+|.*\+Arrow\w+)$/i; // keys that may be meant for the number of a form
+const LETTER = /^[a-z]$/i;
 const EDITING = ["Backspace", "Delete", "ArrowLeft", "ArrowRight"]; // keys that change a typed number
 
 export class TypedNumbers {
@@ -22,17 +24,35 @@ export class TypedNumbers {
   /** @param {KeyboardEvent} event @returns {"form" | "nowhere" | ""} */
   takes({ key, ctrlKey, altKey, metaKey }) {
     if (key === "Shift" || ctrlKey || altKey || metaKey) return "";
-    return (NUMERAL.test(key) || EDITING.includes(key)) && this.toForm() ? "form" : this.keep(key) ? "nowhere" : "";
+    return this.toForm(key) ? "form" : this.keep(key) ? "nowhere" : "";
   }
 
-  // Moves the focus to the number that an open form waits for; returns whether there is one.
-  toForm() {
-    const { showForms, state } = this.tools;
+  // Moves the focus to the number that an open form waits for, if the key belongs to it.
+  /** @param {string} key */
+  toForm(key) {
     const field = inputIn('form[data-row="entry"] label:not([hidden]) > input[inputmode]');
-    if (!field || !state.entry) return false;
-    showForms(); // bring its tab to the front
+    if (!field || !this.tools.state.entry) return false;
+    const isUnit = LETTER.test(key) && /\d/.test(field.value) && mayBecomeLength(field.value + key);
+    if (!isUnit && !NUMERAL.test(key) && !EDITING.includes(key)) return false;
+    this.tools.showForms(); // bring its tab to the front
     field.focus();
     return true;
+  }
+
+  // Returns whether a key does nothing now, and says what waits: a round of repeated clicks, a question, or the number
+  // of a form, which only the key of a tool ends. The view changes all the same, but not by a letter beside a form.
+  /** @param {string} key @param {boolean} isView */
+  holdsUp(key, isView) {
+    const { again, notice, question, state: { entry } } = this.tools;
+    if (!isView && again.left.length) return true; // its notice stays
+    if (!isView && question.isOpen) {
+      question.insist();
+      question.refused(key);
+      return true;
+    }
+    const holds = entry !== null && (isView ? LETTER : HELD).test(key) && !Object.values(TOOLS).some((tool) => tool.key === key.toLowerCase());
+    if (holds) notice.show(`${key.toUpperCase()} was not used: the form at the side waits for its number. Type it and press Enter; Esc drops the form.`);
+    return holds;
   }
 
   // Keeps a length, its unit and Enter after it from acting as shortcuts: with the tool for taped lengths, after a drawn

@@ -1,5 +1,7 @@
 // Forms for values that clicks cannot give: a length's reading, a skid's friction, a name.
 
+import { TOOLS } from "../actions/keys.js";
+import { freeName } from "../connection/store.js";
 import { as, fillIfNew, node, textIn } from "../elements/dom.js";
 import { meaning } from "../elements/numbers.js";
 import { drop, keep } from "../elements/table.js";
@@ -123,9 +125,6 @@ export const isUnread = (entry) => isNewLine(entry) && !typedForm();
 /** Returns the open form if the next click takes it: a new one that is complete, or a changed one. @param {Entry} entry */
 export const formToTake = (entry) => (entry.was || openForm()?.querySelector("[type=submit]:disabled") ? typedForm() : openForm());
 
-/** @param {NewLine} entry @param {string} name @returns {Filled} */
-export const distanceMessage = ({ start, end }, name) => ({ message: { t: "measure", was: "", name, kind: "distance", points: [start, end] } });
-
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 
 // Reads a number; a decimal comma is accepted if it is unambiguous, as in the program's readers.
@@ -157,17 +156,19 @@ export function showFault(form, why, field) {
   input.select();
 }
 
-// Returns the message of a filled-in form, or the fault and its field.
-// `taken`: names of the others of its kind.
+// Returns the message of a filled-in form, or the fault and its field. A line without a reading is a distance.
+// `namesOf`: names of the others of a kind.
 /**
  * @typedef {{ message: SetLine | SetMeasurement, why?: undefined, field?: undefined } | { message?: undefined, why: string, field: string }} Filled
- * @param {Entry} entry @param {FormData} form @param {string[]} taken @returns {Filled}
+ * @param {Entry} entry @param {HTMLFormElement} shown @param {(t: Entry["t"]) => string[]} namesOf @returns {Filled}
  */
-export function entryMessage(entry, form, taken) {
+export function entryMessage(entry, shown, namesOf) {
+  if (isNewLine(entry) && !typedForm()) return { message: { t: "measure", was: "", name: freeName(TOOLS.distance.prefix, new Set(namesOf("measure"))), kind: "distance", points: [entry.start, entry.end] } };
+  const form = new FormData(shown);
   const name = textIn(form, "name");
   const was = entry.was ?? "";
   if (!name) return { why: "It needs a name.", field: "name" };
-  if (name !== was && taken.includes(name)) return { why: `There is a ${entry.t === "line" ? "length" : "measurement"} ${name} already: choose another name.`, field: "name" };
+  if (name !== was && namesOf(entry.t).includes(name)) return { why: `There is a ${entry.t === "line" ? "length" : "measurement"} ${name} already: choose another name.`, field: "name" };
   const read = numbersIn(form, wantedOf(entry, form));
   if (!read.found) return read;
   const { found } = read;

@@ -27,7 +27,7 @@ export function showMeasure(section, state, image, tools, side) {
   const steps = firstStepsPart(state);
   const measured = store.measurements.length > 0; // their values come first
   fill(section, () => [
-    steps && !store.picks.size ? null : missingPart(), measured ? null : steps, plannedPart(tools), plannedPlatesPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
+    hintPart(state, tools), entryPart(state.entry, tools), steps && !store.picks.size ? null : missingPart(), measured ? null : steps, plannedPart(tools), plannedPlatesPart(), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), linesOfPositionPart(), remarksPart(),
   ]);
 }
@@ -38,23 +38,21 @@ function missingPart() {
   return why ? keep("missing", why, () => node("p", { class: "why", role: "status" }, sentence(why))) : null;
 }
 
-// The input that the present tool waits for.
+// What the next click in the photo does.
 const hint = node("p", { class: "hint", role: "status" });
-/** @param {PageState} state */
-function hintPart({ tool, draft, entry, hidesMarks }) {
-  const words = tool === "pick" || entry || hidesMarks ? "" : hintText(TOOLS[tool], draft);
+/** @param {PageState} state @param {Tools} tools */
+function hintPart({ tool, draft, entry }, { clicks, panes: { active } }) {
+  const next = active ? clicks.ahead(active, null) : "";
+  const words = [next && `Next click: ${next}.`, ...(tool === "pick" || entry ? [] : drawingHints(TOOLS[tool], draft))].join(" ").trim();
   if (hint.textContent !== words) hint.textContent = words;
   return hint;
 }
 
 /** @param {Tool} tool @param {string[]} draft */
-function hintText({ name, what, least, most, apart }, draft) {
-  if (apart && draft.length) return `${name}. ${placeText(draft[0])}. Now show another photo (Page Down or the strip), and click where the same thing is there. Esc stops.`;
-  const begin = `${name}: ${draft.length ? draft.join(" \u2013 ") : what}`;
-  if (apart) return `${begin}. Choose where it is in this photo (click, or N B and Enter; Esc stops).`;
-  const count = most === least ? least : most ? `${least} or ${most}` : `${least} or more`;
-  const more = !draft.length ? `. Choose ${count} point${count === 1 ? "" : "s"}` : draft.length < least ? `, ${least - draft.length} more` : ", another one, or Enter to end";
-  return `${begin}${more} (click, or N B and Enter; Esc stops).`;
+function drawingHints({ name, what, least, most, apart }, draft) {
+  if (apart && draft.length) return [`${placeText(draft[0])}. Now show another photo (Page Down or the strip), and click where the same thing is there.`];
+  if (!draft.length) return [`${name}: ${what}.`];
+  return draft.length >= least && !most ? ["A click on the last point, Enter, or another tool ends it."] : draft.length >= least ? ["A click on the same point, or Enter, ends it with this one."] : [];
 }
 
 /** @param {string | null} selected @param {Tools} tools */

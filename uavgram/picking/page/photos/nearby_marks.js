@@ -11,6 +11,7 @@ import { picksIn, proposals } from "../connection/store.js";
  * @typedef {{ label: string, at: [number, number], away: number, hollow: boolean }} Near hollow: found by the program, no pick yet
  */
 
+export const SAME_PX = 3; // clicks so close are on the same place
 export const ON_PX = 7; // a click so close means the mark, if no other is as close
 export const NEAR_PX = 16; // a click so close, within the ring round the mark, may mean the mark, or another
 

@@ -24,7 +24,7 @@ import { View } from "./view.js";
  * @property {() => void} sharpened
  * @property {(pane: Pane) => void} viewed the view has changed
  * @property {(pane: Pane, u: number, v: number) => void} clicked
- * @property {(label: string) => void} clickedMark
+ * @property {(pane: Pane, at: [number, number]) => string} ahead what a click there does
  * @property {(label: string) => void} doubled
  * @property {(label: string) => void} selected
  * @property {(image: number, label: string, at: [number, number], step: number, final: boolean) => void} dragged
@@ -61,9 +61,11 @@ export class Pane {
     this.choice = node("select", { "aria-label": "Photo", onchange: () => this.show(Number(this.choice.value)) });
     this.tone = new ToneControl();
     this.readout = node("div", { class: "readout" });
+    this.cue = node("div", { class: "cue", "aria-hidden": true, hidden: true }); // what a click under the pointer does
+    this.cueing = false;
     this.lost = node("div", { class: "lost", role: "status", hidden: true }); // covers a photo that cannot be shown
     this.box = node("div", { class: "pane" }, this.canvas, this.svg,
-      node("div", { class: "aim", "aria-hidden": true }), this.lost, node("div", { class: "choices" }, this.choice, this.tone.button), this.tone.box, this.readout); // the aim is where Enter places a point
+      node("div", { class: "aim", "aria-hidden": true }), this.lost, node("div", { class: "choices" }, this.choice, this.tone.button), this.tone.box, this.readout, this.cue); // the aim is where Enter places a point
     parent.append(this.box);
     this.picture = new Picture(this.id, this.canvas, this.view);
     this.loupe = new Loupe(this.box);
@@ -146,6 +148,7 @@ export class Pane {
     this.tags = tags;
     this.moveMarks();
     this.showReadout();
+    this.cueSoon();
   }
 
   /** @param {string | null} label */
@@ -184,6 +187,7 @@ export class Pane {
     const { scale, left, top } = this.view;
     Object.assign(this.box.dataset, { pictured, sharp, scale, left, top });
     this.showReadout();
+    this.cueSoon();
   }
 
   // Says why the photo cannot be shown: nothing can be clicked in it.
@@ -220,6 +224,24 @@ export class Pane {
     this.resting = setTimeout(() => this.redraw(), REST_MS);
     this.redraw();
     this.events.viewed(this);
+  }
+
+  // Shows beside the pointer what a click there does, once a frame.
+  cueSoon() {
+    if (!this.cueing) requestAnimationFrame(() => { this.cueing = false; this.showCue(); });
+    this.cueing = true;
+  }
+
+  showCue() {
+    const { hover, press } = this.pointer;
+    const at = hover && !(press && !press.rests) ? this.view.toPhoto(...hover) : null;
+    const words = at && this.photo && this.contains(...at) ? this.events.ahead(this, at) : "";
+    if (this.cue.textContent !== words) this.cue.textContent = words;
+    this.cue.hidden = !words;
+    if (!hover) return;
+    Object.assign(this.cue.style, { left: `${hover[0]}px`, top: `${hover[1]}px` });
+    this.cue.classList.toggle("before", hover[0] > this.view.width / 2);
+    this.cue.classList.toggle("above", hover[1] > this.view.height - 60);
   }
 
   // Shows the magnifier and the numbers of a place of the photo, which is at x, y; the default is the middle.

@@ -1,7 +1,7 @@
 // Mouse, pen and fingers on a pane: they zoom, pan, click and drag marks.
 
 import { Fingers } from "./two_fingers.js";
-import { markOn, marksNear, NEAR_PX, ON_PX } from "./nearby_marks.js";
+import { markOn, marksNear, NEAR_PX, ON_PX, SAME_PX } from "./nearby_marks.js";
 
 /** @import { Near } from "./nearby_marks.js" */
 /** @import { Pane } from "./pane.js" */
@@ -15,11 +15,9 @@ import { markOn, marksNear, NEAR_PX, ON_PX } from "./nearby_marks.js";
  * @property {boolean} far whether it moved too far for a click
  * @property {boolean} rests whether a finger rested, and now moves the magnifier
  * @property {boolean} pans whether it can only pan
- * @property {Near | null} on the mark that a click here means
  * @property {{ label: string, at: [number, number], step: number } | null} mark under the press
  */
 
-const CLICK_PX = 3; // a press that moves less is a click
 const TAP_PX = 10; // for a finger
 const REST_MS = 500; // a finger at rest for so long shows the magnifier
 const FINE = 0.1; // factor of a move with Shift held
@@ -42,7 +40,7 @@ export class Pointer {
     svg.addEventListener("pointermove", (event) => this.move(event));
     svg.addEventListener("pointerup", (event) => this.up(event));
     svg.addEventListener("pointercancel", (event) => { this.fingers.gone(event); this.letGo(); });
-    svg.addEventListener("pointerleave", () => { this.hover = null; pane.pointAway(); });
+    svg.addEventListener("pointerleave", () => { this.hover = null; pane.pointAway(); pane.cueSoon(); });
     svg.addEventListener("contextmenu", (event) => event.preventDefault());
     svg.addEventListener("dblclick", (event) => {
       const on = markOn(this.near(event));
@@ -93,7 +91,7 @@ export class Pointer {
     const on = markOn(near);
     const pans = event.button !== 0 || pane.state.spaceHeld;
     const mark = pans ? null : this.held(near, event);
-    this.press = { x, y, last: [x, y], far: false, rests: false, pans, on, mark };
+    this.press = { x, y, last: [x, y], far: false, rests: false, pans, mark };
     if (mark && mark.label === on?.label && pane.state.tool === "pick") pane.events.selected(mark.label);
     if (event.pointerType === "touch" && !mark) this.resting = setTimeout(() => this.rest(x, y), REST_MS);
     try {
@@ -111,6 +109,7 @@ export class Pointer {
     const [x, y] = this.local(event);
     if (this.fingers.move(event, [x, y])) return;
     this.hover = [x, y];
+    pane.cueSoon();
     if (press && !press.rests) this.follow(press, event, x, y);
     const looks = event.pointerType !== "touch" || press?.rests; // a panning finger shows no magnifier
     if (!press?.mark && looks) pane.magnify(...pane.view.toPhoto(x, y), x, y);
@@ -120,7 +119,7 @@ export class Pointer {
   /** @param {Press} press @param {PointerEvent} event @param {number} x @param {number} y */
   follow(press, event, x, y) {
     const { pane } = this;
-    press.far ||= Math.hypot(x - press.x, y - press.y) >= (event.pointerType === "touch" ? TAP_PX : CLICK_PX);
+    press.far ||= Math.hypot(x - press.x, y - press.y) >= (event.pointerType === "touch" ? TAP_PX : SAME_PX);
     if (press.far) {
       clearTimeout(this.resting);
       if (press.mark && pane.state.tool === "pick") this.drag(press.mark, event, x - press.last[0], y - press.last[1]);
@@ -172,12 +171,7 @@ export class Pointer {
       pane.pointAway();
     }
     if (!press || several || press.far || press.pans) return;
-    const { on } = press;
-    const isBeside = on?.label === pane.state.draft.at(-1) && (on?.away ?? 0) > CLICK_PX; // a line's other end may be so near
-    if (on && !on.hollow && !isBeside) pane.events.clickedMark(on.label);
-    else {
-      const [u, v] = pane.view.toPhoto(...this.local(event));
-      if (pane.contains(u, v)) pane.events.clicked(pane, u, v);
-    }
+    const [u, v] = pane.view.toPhoto(...this.local(event));
+    if (pane.contains(u, v) || markOn(this.near(event))) pane.events.clicked(pane, u, v);
   }
 }
