@@ -1,4 +1,4 @@
-"""Nothing lies over another thing, and nothing is cut off, in windows of three sizes."""
+"""Nothing lies over another thing, and nothing is cut off, in windows of several sizes, the smallest at twice the zoom."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from picking_projects import PickingProject
 from picking_server import served
 from playwright.sync_api import expect
 
-SIZES = [(1280, 720), (1920, 1080), (2560, 1400)]
+SIZES = [(720, 450), (1024, 700), (1280, 720), (1920, 1080), (2560, 1400)]
 
 CUT_OFF = """() => [...document.querySelectorAll("header, #panel > *, .scroll, #panel table")]
     .filter((box) => box.scrollWidth > box.clientWidth + 1).map((box) => box.outerHTML.slice(0, 60))
@@ -62,6 +62,7 @@ def test_nothing_overlaps_and_nothing_is_cut_off(survey: Path, open_page: PageOp
                 expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
                 eventually(page, lambda: page.evaluate(CUT_OFF) == [])
             assert page.evaluate(OVERLAPPING, "header > *:not(.unseen)") == [], width
+            expect(page.get_by_role("button", name="Help")).to_be_in_viewport(ratio=1)
             eventually(page, lambda: page.evaluate(OVERLAPPING, "svg.marks text") == [])
             assert page.evaluate(OVERLAPPING, "#panes, #panel, #strip, header") == [], width
         page.evaluate("document.querySelector('#project').style.minWidth = '900px'")

@@ -130,3 +130,23 @@ def test_a_reading_that_is_being_typed_is_not_left_unasked(
         expect(page.get_by_label("L1, taped length in m")).to_have_value("12.3")
         page.reload()  # nothing is asked
         assert asked == ["beforeunload"]
+
+
+DROP = """() => document.body.dispatchEvent(
+  new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer: new DataTransfer() }))"""
+
+
+def test_an_unusable_file_that_comes_into_an_open_project_is_named(
+    tmp_path: Path, open_page: PageOpener
+) -> None:
+    with served(small_project(tmp_path)) as server:
+        page = open_page(server)
+        assert page.evaluate(DROP) is False  # the browser does not leave the page
+        expect(page.locator("#notice")).to_contain_text("Files dropped here are not taken. Copy")
+        (tmp_path / "photos" / "DJI_1.HEIC").write_bytes(b"\x00\x00\x00\x18ftypheic" + bytes(99))
+        bar = page.locator("#outside")
+        expect(bar).to_contain_text("New beside the photos: DJI_1.HEIC. Passed over: 1 x HEIC")
+        expect(bar).to_contain_text("save it as JPEG")
+        (tmp_path / "photos" / "DJI_1.HEIC").unlink()
+        expect(bar).to_be_hidden()
+        assert not open_page.errors

@@ -25,7 +25,7 @@ from uavgram.picking.protocol.parse import Message
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.session.workers import Task
 from uavgram.picking.storage.journal import Journal, load_journal
-from uavgram.picking.storage.tables import Tables
+from uavgram.picking.storage.tables import FileWatch, Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 
@@ -578,3 +578,28 @@ def test_ctrl_c_ends_the_command_with_everything_saved(tmp_path: Path) -> None:
     assert b"P1.jpg,A,1.5,2.5," in (tmp_path / "picks.csv").read_bytes()
     entries = (tmp_path / "out" / JOURNAL).read_text().splitlines()
     assert json.loads(entries[-1])["do"] == "saved"
+
+
+HEIC = b"\x00\x00\x00\x18ftypheic" + bytes(100)
+
+
+def test_new_files_beside_the_photos_are_named_with_the_way_out(project: Path) -> None:
+    photos = project.parent / "photos"
+    watch = FileWatch(read_inputs(project))
+    assert not watch.find_changed_files()
+    assert not watch.added
+    (photos / "notes.txt").write_text("no photo")
+    watch.find_changed_files()
+    assert not watch.added
+    (photos / "DJI_1.HEIC").write_bytes(HEIC)
+    (photos / "P7.jpg").write_bytes(b"\xff\xd8\xff no picture")
+    (photos / "P8.jpg").write_bytes((photos / "P1.jpg").read_bytes())
+    assert not watch.find_changed_files()
+    assert "New beside the photos: DJI_1.HEIC. Passed over: 1 x HEIC photo." in watch.added
+    assert "save it as JPEG" in watch.added
+    assert "P7.jpg is new, and cannot be used, as it" in watch.added
+    assert "New beside the photos: P8.jpg. Reload takes new photos into" in watch.added
+    for name in ("DJI_1.HEIC", "P7.jpg", "P8.jpg"):
+        (photos / name).unlink()
+    watch.find_changed_files()
+    assert not watch.added

@@ -11,6 +11,7 @@ import { Link } from "./connection/socket.js";
 import { keep, kept } from "./connection/tab_memory.js";
 import { labels, pickKey, picksOf, receive, store } from "./connection/store.js";
 import { as, byId, choose, node } from "./elements/dom.js";
+import { refuseDrops } from "./elements/dropped.js";
 import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
@@ -91,6 +92,7 @@ class App {
     throughRows(byId("panel"));
     byId("panel").addEventListener("input", () => this.refreshSoon(VALUES)); // what the next click does depends on a typed reading
     buildHelp(as(HTMLDialogElement, byId("help")), () => this.showSteps());
+    refuseDrops((words) => this.notice.show(words));
     listenToKeys({ state, panes, tools, navigation, project, setPanes });
     for (const end of ["visibilitychange", "pagehide"]) addEventListener(end, () => this.keep()); // browsers differ in which comes last
     addEventListener("beforeunload", (event) => { if (typedForm() ?? this.link.unconfirmed.length) event.preventDefault(); }); // the browser asks

@@ -124,6 +124,8 @@ class Remarks:
         if reason.plain and reason.mend is None and ". " not in plain:  # the finding alone
             plain = f"{plain} {entry_of(reason.cause).action}".rstrip()
         mends = remedies_json((reason.mend, *reason.instead), self.lines, self.index)
+        if reason.plain and reason.mend is not None and not mends:  # nothing that the page can do
+            plain = f"{plain} {reason.mend.words}."
         if find_set_up(f"{text} {plain}"):
             mends.append(SET_UP)
         return {

@@ -640,6 +640,7 @@ class InitialState(PickingState):
 
     outputs: Outputs
     outside: list[str]
+    added: str
     aside: int | None
     calibration: Calibration | None
     stages: dict[Work, str]
@@ -674,10 +675,11 @@ class Saved(Sent):
 
 
 class Outside(Sent):
-    """Files that another program changed."""
+    """Files that another program changed, and sentences on those that are new beside the photos."""
 
     t: Literal["outside"]
     files: list[str]
+    added: str
 
 
 class NewOutputs(Sent):

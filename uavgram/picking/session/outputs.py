@@ -17,7 +17,7 @@ from uavgram.model.result.result import Result
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.ways_on_page import name_on_page
 from uavgram.picking.storage.tables import Stamp, stamp_of
-from uavgram.views.formatting import measurement_text, order_shapes_first
+from uavgram.views.formatting import measurement_text
 from uavgram.views.survey.verdict import (
     reason_sentence,
     status_text,
@@ -160,7 +160,7 @@ class Outputs:
 def results_json(result: Result) -> m.Results:
     """Return verdict, measurements and case of a result, in the units of its project.
 
-    Measurements that are not in order come first.
+    Measurements that are not in order come first, coordinates last; else as the project has them.
     """
     words, units = verdict_words(result), units_of(result)
     keep, exact = list_names_like_lengths(result), exact_lengths(result)
@@ -189,7 +189,10 @@ def results_json(result: Result) -> m.Results:
                 "status": rows.status[k],
                 "words": status_text(rows, k),
             }
-            for k in sorted(order_shapes_first(rows), key=lambda row: rows.status[row] == "ok")
+            for k in sorted(
+                range(len(rows.name)),
+                key=lambda row: (rows.status[row] == "ok", rows.kind[row] == "coordinate"),
+            )
             for text in [measurement_text(rows, k, units)]
         ],
     }

@@ -110,6 +110,7 @@ class OpenProject:
             **self.picking.initial_state(),
             "outputs": self._describe_outputs(),
             "outside": self._outside.find_changed_files(self.picking.find_changed_tables()),
+            "added": self._outside.added,
             "calibration": self.calibration.last_message,
             "stages": {kind: work.shown for kind, work in self._works.items()},
             "aside": None if self._aside is None else len(self._changes(self._aside)),
@@ -119,9 +120,11 @@ class OpenProject:
         """Notify the pages if another program changed a file of the project."""
         if self.refuses:
             return
-        before = self._outside.last_changed
-        if (now := self._outside.find_changed_files(self.picking.find_changed_tables())) != before:
-            self._broadcast({"t": "outside", "files": now})
+        outside = self._outside
+        before = outside.last_changed, outside.added
+        files = outside.find_changed_files(self.picking.find_changed_tables())
+        if (files, outside.added) != before:
+            self._broadcast({"t": "outside", "files": files, "added": outside.added})
         if (written := self._describe_outputs()) != self._written_then:
             self._written_then = written
             self._broadcast({"t": "outputs", "outputs": written})

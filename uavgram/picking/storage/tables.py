@@ -19,8 +19,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.input_files import describe_files, unread_format
 from uavgram.io.files import check_inside, check_own, digest_file
 from uavgram.io.outputs import JOURNAL, ProjectLock, replace_bytes
+from uavgram.io.photos.catalogue import MAX_NAMED, find_photos
+from uavgram.io.photos.metadata import read_image_sizes
 from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
@@ -360,7 +363,7 @@ def _digests(contents: Contents) -> dict[str, str | None]:
 class FileWatch:
     """Watch on the project file, the camera file, the tables of known points, and the photos.
 
-    Photos are only missed: their content is read when they are shown.
+    Photos are only missed, or new: the content of known ones is read when they are shown.
 
     The tables that the page writes itself are watched by `Tables`.
 
@@ -373,6 +376,8 @@ class FileWatch:
     ----------
     last_changed
         Names of the changed files at the last look.
+    added
+        Sentences on the files that are new beside the photos; empty: none that concerns them.
     """
 
     def __init__(self, inputs: Inputs) -> None:
@@ -383,13 +388,22 @@ class FileWatch:
         self._photos: dict[Path, set[str]] = {}  # names by folder
         for photo in map(Path, inputs.photos.path):
             self._photos.setdefault(photo.parent, set()).add(photo.name)
+        self._before = {folder: _list_names(folder) for folder in self._photos}
+        self._find_used = partial(find_photos, project.images, project.leave_out)
+        self._new: dict[Path, Stamp] = {}
+        self.added = ""
         self._known = {digest.sha256 for digest in inputs.digests}
         self._seen: dict[Path, tuple[Stamp, bool]] = {}
         self.last_changed: list[str] = []
 
     def find_changed_files(self, others: Sequence[str] = ()) -> list[str]:
         """Return the names of the files that differ from those read, `others` among them."""
-        missing = (names - _list_names(folder) for folder, names in self._photos.items())
+        now = {folder: _list_names(folder) for folder in self._photos}
+        missing = (names - now[folder] for folder, names in self._photos.items())
+        new = {folder / name for folder in now for name in now[folder] - self._before[folder]}
+        stamps = {path: stamp_of(path) for path in sorted(new)}
+        if stamps != self._new:
+            self._new, self.added = stamps, _describe_added(list(stamps), self._find_used)
         changed = (path.name for path in self._files if self._differs(path))
         self.last_changed = sorted({*changed, *others, *chain.from_iterable(missing)})
         return self.last_changed
@@ -406,6 +420,24 @@ class FileWatch:
             differs = True
         self._seen[path] = (stamp, differs)
         return differs
+
+
+def _describe_added(new: Sequence[Path], find_used: Callable[[], list[Path]]) -> str:
+    """Name the new files beside the photos: usable photos, and unusable ones with the way out."""
+    unread = [path for path in new if unread_format(path)]
+    try:
+        used = set(find_used()) - set(unread)
+    except InputError:  # none is left
+        used = set()
+    sizes, unusable = read_image_sizes([path for path in new if path in used])
+    texts = [f"{path.name} is new, and cannot be used, as it {why}." for path, why in unusable]
+    if unread:
+        names = join_names((path.name for path in unread), MAX_NAMED)
+        texts.append(f"New beside the photos: {names}. {describe_files(unread)}")
+    if sizes:
+        names = join_names((path.name for path in sizes), MAX_NAMED)
+        texts.append(f"New beside the photos: {names}. Reload takes new photos into the project.")
+    return " ".join(texts)
 
 
 def _list_names(folder: Path) -> set[str]:

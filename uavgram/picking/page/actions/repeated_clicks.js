@@ -54,7 +54,7 @@ export class Again {
     this.tools.send({ t: "repeat", image, label: one.label, u_px, v_px });
     this.left.shift();
     this.next();
-    if (!this.left.length) this.tools.notice.show("All were clicked again.", true);
+    if (!this.left.length) this.tools.notice.show("All were clicked again. If others need it, too, the program asks for them at the side.", true);
     return true;
   }
 

@@ -28,6 +28,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Planned} planned
  * @property {Outputs | null} outputs
  * @property {string[]} outside
+ * @property {string} added sentences on files that are new beside the photos
  * @property {number | null} aside number of changes that an earlier session could not save
  * @property {Calibration | null} calibration
  * @property {Partial<Record<Work, string>>} stages of long work that goes on
@@ -77,6 +78,7 @@ export const store = {
   planned: { lines: [], plates: [], why: "" },
   outputs: null,
   outside: [],
+  added: "",
   aside: null,
   calibration: null,
   stages: {},
@@ -116,7 +118,7 @@ export function receive(message, moved) {
   else if (message.t === "changed") return changed(message, moved);
   else if (message.t === "live") live(message);
   else if (message.t === "saved") store.fault = message.fault;
-  else if (message.t === "outside") store.outside = message.files;
+  else if (message.t === "outside") Object.assign(store, { outside: message.files, added: message.added });
   else if (message.t === "outputs") store.outputs = message.outputs;
   else if (message.t === "proposals") proposed(message);
   else if (message.t === "calibration") store.calibration = message;
@@ -125,11 +127,11 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, units, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, stages, ...message }) {
+function begin({ project, units, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, added, aside, calibration, stages, ...message }) {
   const { picks, repeated, lines, measurements } = message.state;
   useUnits(units);
   Object.assign(store, {
-    begun: true, project, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, stages, lines, measurements,
+    begun: true, project, photos, damaged, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, added, aside, calibration, stages, lines, measurements,
     leftOut: message.left_out,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,

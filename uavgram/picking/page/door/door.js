@@ -1,6 +1,7 @@
 // The start page: a folder of this computer becomes a project, and its page opens.
 
 import { byId, node } from "../elements/dom.js";
+import { refuseDrops } from "../elements/dropped.js";
 import { forgetKept, keep, kept } from "../connection/tab_memory.js";
 import { begunFolder, forget } from "./unsent_settings.js";
 import { showFolders } from "./folders.js";
@@ -29,6 +30,7 @@ class Door {
     /** @type {number | null} */
     this.at = null; // the listed folder
     keepTab();
+    refuseDrops((words) => this.trouble(words));
     addEventListener("popstate", () => void this.goBack(shownPlace()));
     void this.begin();
   }

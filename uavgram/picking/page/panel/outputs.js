@@ -58,7 +58,7 @@ function showStage(work) {
 }
 
 // What one click may accept: all finds if each has its picture in the list, else those that need no inspection.
-function acceptable() {
+export function acceptable() {
   const found = proposals();
   const sure = found.filter(({ is_sure }) => is_sure);
   if (found.length > MOST_SHOWN) return { all: sure, words: `Accept the ${sure.length} found surely` };
@@ -94,15 +94,14 @@ const offered = (count, project) => [
 // A bar shown as long as project files differ from the page's state, or cannot be saved.
 /** @param {HTMLElement} bar @param {ProjectActions} project */
 export function showOutside(bar, project) {
-  const { outside, aside } = store;
+  const { outside, added, aside } = store;
   /** @type {string[]} */
   const words = [];
   if (store.gone) words.push("The program does not answer. Start it again as you did before, by the icon or by a command, and go on in the page that it opens. What it confirmed is saved; what you do here now would be lost.");
   else if (store.silent) words.push("The program is not answering. What you did in the last seconds is not saved yet: this page keeps it, and sends it as soon as the program answers. Leave the page open. If this stays, end the program and start it again; all that you did before is saved.");
   else if (store.fault) words.push(`Not saved: ${store.fault}`);
-  else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed or removed by another program. Nothing is written over.`);
+  else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed or removed by another program. Nothing is written over. Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew.`);
+  if (added) words.push(added);
   bar.hidden = !words.length && !aside;
-  fillIfNew(bar, JSON.stringify([words, outside, aside]), () => [node("p", {}, ...words), ...(outside.length ? [
-    node("p", { class: "dim" }, "Reload takes the files as they are now. What only this page has is kept beside them, and undo begins anew."),
-    node("button", { name: "reload", onclick: () => void project.reload() }, "Reload")] : []), ...(aside ? offered(aside, project) : [])]);
+  fillIfNew(bar, JSON.stringify([words, outside, aside]), () => [...words.map((one) => node("p", {}, one)), ...(outside.length || added ? [node("button", { name: "reload", onclick: () => void project.reload() }, "Reload")] : []), ...(aside ? offered(aside, project) : [])]);
 }

@@ -1,10 +1,11 @@
 // The verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence, and
 // its remedies. Statistics and all else are folded behind "why". Level and words come from the server.
 
-import { adjusted, remarks, stale, store } from "../connection/store.js";
+import { adjusted, isSearching, remarks, stale, store } from "../connection/store.js";
 import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
+import { acceptable } from "./outputs.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Tools } from "../actions/tools.js" */
@@ -21,11 +22,11 @@ export function showVerdict(box, tools, project) {
   const plain = first.plain || unseen;
   /** @param {Remark} remark */
   const buttons = (remark) => actionsOf(remark, isOld, tools, project);
-  fillIfNew(byId("first"), JSON.stringify([first, plain, isOld, store.damaged]), () => (plain ? [node("span", { title: first.text || plain }, plain), buttons(first) ?? leaveOutButton(project) ?? ""] : []));
+  fillIfNew(byId("first"), JSON.stringify([first, plain, isOld, store.damaged, isSearching(), acceptable()]), () => (plain ? [node("span", { title: first.text || plain }, plain), buttons(first) ?? leaveOutButton(project) ?? ""] : []));
   const behind = first.plain === first.text || isTold(first, why) ? why : [first, ...why];
   byId("why").hidden = !behind.length;
   byId("why-title").textContent = `${first.text ? "Why" : "Warnings"} (${behind.length})`;
-  fillIfNew(byId("reasons"), JSON.stringify([behind, isOld]), () => [list(behind, (remark) => (remark === first ? null : buttons(remark)))]);
+  fillIfNew(byId("reasons"), JSON.stringify([behind, isOld, isSearching(), acceptable()]), () => [list(behind, (remark) => (remark === first ? null : buttons(remark)))]);
 }
 
 // Warnings as remarks, before there are numbers; damaged photos come first.
@@ -57,7 +58,9 @@ function actionsOf({ code, labels, mends, show }, isOld, tools, project) {
   const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, tools, project); } }));
   const looks = show.map(({ image, label }) => ({ name: "show", words: show.length > 1 ? `Show ${label}` : "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(image, label) }));
   const again = code === "nothing-checks" && labels.length ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
-  const all = [...ways, ...again, ...looks].sort((a, b) => a.rank - b.rank);
+  const { all: found, words: accept } = acceptable(); // places in other photos check a length, though no click
+  const taking = code === "nothing-checks" && !labels.length && found.length ? [{ name: "accept-found", words: accept, rank: MEND, disabled: isOld || isSearching(), act: () => void tools.proposals.accept(found) }] : [];
+  const all = [...ways, ...again, ...taking, ...looks].sort((a, b) => a.rank - b.rank);
   return all.length ? node("span", { class: "mends" }, ...all.map(({ name, words, disabled, act }, k) => node("button", { name, value: words, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
 }
 

@@ -5,10 +5,12 @@ import { shape } from "../elements/dom.js";
 /** A line with its halo. @param {string} d @param {string} [wide] */
 export const stroke = (d, wide = "halo wide") => [shape("path", { class: wide, d }), shape("path", { class: "thin", d })];
 
+const LONGEST = 32; // letters of a label in a photo
+
 /** @param {string} words @param {string} kind */
 export function textShape(words, kind) {
   const made = shape("text", { x: 0, y: 0, class: kind });
-  made.textContent = words;
+  made.textContent = kind === "tag" && words.length > LONGEST ? `${words.slice(0, LONGEST - 1)}\u2026` : words;
   return made;
 }
 
