@@ -1,4 +1,4 @@
-"""Nothing lies over another thing, and nothing is cut off, in windows of several sizes, the smallest at twice the zoom."""
+"""Nothing lies over another thing, and nothing is cut off, in windows of five sizes."""
 
 from __future__ import annotations
 

@@ -141,6 +141,35 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
         assert not open_page.errors
 
 
+def swapped_in_either(result: Result) -> Result:
+    """Two swaps, of which one is right."""
+    swaps = tuple(
+        Remedy(
+            action="swap",
+            words=f"Swap P1 and P2 in {photo}",
+            corrections=(Correction(action="swap", frame=photo, label="P1", other="P2"),),
+        )
+        for photo in ("photo0.jpg", "photo1.jpg")
+    )
+    amber = Verdict(level="amber", reasons=(replace(SWAPPED, mend=swaps[0], instead=swaps[1:]),))
+    return replace(with_status(result, "ok"), verdict=amber, messages=())
+
+
+def test_two_swaps_are_told_apart_by_pictures_of_all_places(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
+        change_results(monkeypatch, server, swapped_in_either)
+        page = open_page(server)
+        place(page, "New", 700.0, 500.0)
+        compared = page.locator("#first .compared")
+        expect(compared).to_contain_text("Only one of these is right. Compare the places")
+        names = [f"{label} in photo{k}.jpg" for label in ("P1", "P2") for k in (0, 1)]
+        for name in names:
+            expect(compared.get_by_role("img", name=name, exact=True)).to_have_count(1)
+        assert not open_page.errors
+
+
 def two_ways_out(result: Result) -> Result:
     """A photo of another place, and a camera that hung otherwise than stated."""
     elsewhere = Reason(
@@ -173,3 +202,5 @@ def test_a_photo_is_left_out_and_the_set_up_opened_by_buttons_of_the_verdict(
         page.keyboard.press("Escape")  # the form of the new point
         set_up.click()
         eventually(page, lambda: any("/door/close?to=setup" in url for url in asked))
+        doubt = page.locator("#setup .mount").get_by_role("alert")
+        expect(doubt).to_contain_text("The camera is turned")  # at the field that it means

@@ -47,6 +47,11 @@ from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
             "If you know the tilt, set `mount.pitch_deg`. (mount.pitch_deg: in the set-up of the "
             "folder; under Camera, 'Change camera, mount, tape or case'.)",
         ),
+        (
+            "All photos are turned by +180 degrees (mount.roll_deg).",
+            "All photos are turned by +180 degrees (mount.roll_deg). (mount.roll_deg: in the "
+            "set-up of the folder; under Camera, 'Change camera, mount, tape or case'.)",
+        ),
         ("`picks.csv` and `control.csv` hold them.", "`picks.csv` and `control.csv` hold them."),
         (
             "Run again with --monte-carlo for its exact interval.",

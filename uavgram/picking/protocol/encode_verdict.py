@@ -35,13 +35,6 @@ from uavgram.views.survey.verdict import (
 )
 
 NOTHING = Reason(cause="", text="")
-SET_UP: m.Mend = {
-    "words": "Open the set-up",
-    "changes": [],
-    "way": {"to": "set-up", "names": []},
-}
-"""Button of a sentence that names a setting which the set-up of the folder asks for."""
-
 MAX_NAMES = 3
 
 
@@ -126,8 +119,9 @@ class Remarks:
         mends = remedies_json((reason.mend, *reason.instead), self.lines, self.index)
         if reason.plain and reason.mend is not None and not mends:  # nothing that the page can do
             plain = f"{plain} {reason.mend.words}."
-        if find_set_up(f"{text} {plain}"):
-            mends.append(SET_UP)
+        if settings := find_set_up(f"{text} {plain}"):
+            way: m.Way = {"to": "set-up", "names": settings}
+            mends.append({"words": "Open the set-up", "changes": [], "way": way})
         return {
             "level": at_length.level if at_length else "warning",
             "code": reason.cause,

@@ -69,6 +69,8 @@ _IN_SET_UP = {
     "mount",
     "mount.gimbal",
     "mount.pitch_deg",
+    "mount.yaw_deg",
+    "mount.roll_deg",
     "tape.reading_sigma_m",
     "units",
     "case",

@@ -1,9 +1,11 @@
 // Actions on the project as a whole: export, calibration, reloading.
 
 import { store } from "../connection/store.js";
+import { keep } from "../connection/tab_memory.js";
 import { goOn, send } from "../door/server.js";
 import { boardText } from "../panel/camera.js";
 
+/** @import { Doubt } from "../connection/tab_memory.js" */
 /** @import { Answers, Question } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/socket.js" */
 /** @import { Notice } from "../elements/notice.js" */
@@ -46,9 +48,10 @@ export class ProjectActions {
   }
 
   // Saves and closes the project: the start page opens, to choose a folder or to set up this one.
-  /** @param {"" | "setup"} to */
-  async leave(to) {
+  /** @param {"" | "setup"} to @param {Doubt} [doubt] shown there */
+  async leave(to, doubt) {
     if (!this.settle()) return;
+    keep({ doubt }, "/");
     await this.link.confirmed();
     store.closing = true;
     try {

@@ -8,9 +8,10 @@ const STORED = "uavgram-kept";
 /** @typedef {{ image: number, fitted: boolean, middle: [number, number], scale: number }} KeptView */
 /** @typedef {{ views: KeptView[], active: number, linked: boolean }} KeptPanes */
 
+/** @typedef {{ settings: string[], why: string }} Doubt settings of the project that a verdict doubts, and its sentence */
 /**
- * `folder`: the listed one; `gone`: the project that this tab showed last; `first`: the tool with which a new project begins. Numbers of photos hold for `pictures`, their digests.
- * @typedef {{ page?: string, folder?: number | null, first?: ToolName, gone?: string, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, draft?: string[], panes?: KeptPanes }} Kept
+ * `folder`: the listed one; `doubt`: to be shown in the set-up; `gone`: the project that this tab showed last; `first`: the tool with which a new project begins. Numbers of photos hold for `pictures`, their digests.
+ * @typedef {{ page?: string, folder?: number | null, doubt?: Doubt, first?: ToolName, gone?: string, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, draft?: string[], panes?: KeptPanes }} Kept
  */
 
 /** Returns what was kept of a page; nothing if another one was shown since. @param {string} page @returns {Kept} */

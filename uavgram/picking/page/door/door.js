@@ -7,7 +7,7 @@ import { begunFolder, forget } from "./unsent_settings.js";
 import { showFolders } from "./folders.js";
 import { keepTab } from "./tab_socket.js";
 import { find, goOn, OpenAlready, OpenElsewhere, send, WrongField } from "./server.js";
-import { showAtField, showSetup } from "./setup.js";
+import { showAtField, showDoubt, showSetup } from "./setup.js";
 
 /** @import { Beginning, ListedFolders, Found, Listed, Wanted } from "../connection/protocol.js" */
 
@@ -93,6 +93,9 @@ class Door {
     this.show("setup");
     this.note({ number, isSetup: true });
     document.getElementById("setup-title")?.focus();
+    const { doubt } = kept();
+    if (doubt) showDoubt(byId("setup"), doubt);
+    keep({ doubt: undefined });
   }
 
   /** `closes`: another project that is open; `hasLengths`: the next step is to enter them. @param {Wanted | { folder: number }} wanted */

@@ -8,6 +8,7 @@ import { WrongField } from "./server.js";
 
 /** @import { Child } from "../elements/dom.js" */
 /** @import { Found, FoundPhotos, Wanted } from "../connection/protocol.js" */
+/** @import { Doubt } from "../connection/tab_memory.js" */
 
 const [CM, INCH] = [0.01, 0.0254];
 /** @type {[string, string, string][]} */
@@ -177,11 +178,20 @@ function positive(form, name, what) {
   return value;
 }
 
-/** Shows what is wrong with a field beneath it; returns whether the field is there. @param {Element} section @param {WrongField} fault */
+/** Fields of settings, where these have other names. @type {Record<string, string | undefined>} */
+const FIELDS = { mount: "pitch", "mount.gimbal": "pitch", "mount.pitch_deg": "pitch", "mount.yaw_deg": "yaw", "mount.roll_deg": "roll", "tape.reading_sigma_m": "sigma" };
+
+/** Shows at its field what the verdict doubts. @param {Element} section @param {Doubt} doubt */
+export function showDoubt(section, { settings, why }) {
+  const [setting] = settings.sort((a, b) => b.length - a.length); // the most particular one
+  showAtField(section, { field: FIELDS[setting] ?? setting, message: why });
+}
+
+/** Shows what is wrong with a field beneath it; returns whether the field is there. @param {Element} section @param {{ field: string, message: string }} fault */
 export function showAtField(section, { field, message }) {
   for (const one of section.querySelectorAll(".at-field")) one.remove();
   const input = section.querySelector(`[name="${CSS.escape(field)}"]`);
-  if (!(input instanceof HTMLInputElement)) return false;
+  if (!(input instanceof HTMLInputElement || input instanceof HTMLSelectElement)) return false;
   const words = node("span", { class: "at-field", role: "alert" }, message);
   const around = input.closest("details");
   if (around) around.open = true;

@@ -1,10 +1,11 @@
 // The verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence, and
 // its remedies. Statistics and all else are folded behind "why". Level and words come from the server.
 
-import { adjusted, isSearching, remarks, stale, store } from "../connection/store.js";
+import { adjusted, isSearching, picksOf, remarks, stale, store } from "../connection/store.js";
 import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
+import { spot } from "../photos/spot.js";
 import { acceptable } from "./outputs.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
@@ -54,16 +55,29 @@ const isTold = ({ text }, others) => others.some((other) => other.text.startsWit
 // Buttons for remedies, the likeliest first, and one to see the place. Remedies of old numbers are disabled:
 // a remedy for earlier picks may harm the present ones.
 /** @param {Remark} remark @param {boolean} isOld @param {Tools} tools @param {ProjectActions} project */
-function actionsOf({ code, labels, mends, show }, isOld, tools, project) {
-  const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, tools, project); } }));
+function actionsOf({ code, labels, mends, plain, show }, isOld, tools, project) {
+  const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, plain, tools, project); } }));
   const looks = show.map(({ image, label }) => ({ name: "show", words: show.length > 1 ? `Show ${label}` : "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(image, label) }));
   const again = code === "nothing-checks" && labels.length ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
   const { all: found, words: accept } = acceptable(); // places in other photos check a length, though no click
   const taking = code === "nothing-checks" && !labels.length && found.length ? [{ name: "accept-found", words: accept, rank: MEND, disabled: isOld || isSearching(), act: () => void tools.proposals.accept(found) }] : [];
   const all = [...ways, ...again, ...taking, ...looks].sort((a, b) => a.rank - b.rank);
-  return all.length ? node("span", { class: "mends" }, ...all.map(({ name, words, disabled, act }, k) => node("button", { name, value: words, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
+  return all.length ? node("span", { class: "mends" }, compared(mends), ...all.map(({ name, words, disabled, act }, k) => node("button", { name, value: words, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
 }
 
+const MOST_COMPARED = 6; // pictures of a point
+
+// Pictures of the points that one of several swaps would exchange, in all their photos: only a person knows which is which.
+/** @param {Mend[]} mends */
+function compared(mends) {
+  const swaps = mends.map(({ changes }) => changes.filter((change) => change.t === "swap")).filter((some) => some.length);
+  if (swaps.length < 2) return null;
+  const labels = new Set(swaps.flat().flatMap(({ label, other }) => [label, other]));
+  const rows = [...labels].map((label) => node("span", {}, `${label} `, ...picksOf(label).slice(0, MOST_COMPARED).map(({ image, u_px, v_px }) => spot(image, u_px, v_px, `${label} in ${store.photos[image].name}`, SPOT_PX))));
+  return node("span", { class: "compared" }, "Only one of these is right. Compare the places, and take the photo in which they differ from the others:", ...rows);
+}
+
+const SPOT_PX = 40;
 const [MEND, LOOK, REMOVE] = [0, 1, 2];
 const REMOVALS = ["unpick", "remove-line"];
 
@@ -71,9 +85,9 @@ const REMOVALS = ["unpick", "remove-line"];
 /** @param {Mend} mend */
 const rankOf = ({ changes, way }) => (way?.to === "leave-out" || (changes.length && changes.every(({ t }) => REMOVALS.includes(t))) ? REMOVE : MEND);
 
-/** @param {Mend} mend @param {Tools} tools @param {ProjectActions} project */
-function putRight({ words, changes, way }, tools, project) {
-  if (way?.to === "set-up") void project.leave("setup");
+/** @param {Mend} mend @param {string} why @param {Tools} tools @param {ProjectActions} project */
+function putRight({ words, changes, way }, why, tools, project) {
+  if (way?.to === "set-up") void project.leave("setup", { settings: way.names, why });
   if (way?.to === "leave-out") void project.leaveOut(way.names, false);
   const line = way && store.lines.find(({ name }) => name === way.names[0]);
   if (line && way?.to === "length") tools.changeLine(line);
