@@ -128,12 +128,17 @@ def find_turned_mount(survey: Survey) -> Message | None:
     how = [f"{turn:+d} degrees about the optical axis (mount.roll_deg)"] if turn else []
     how += [f"{tilt:+d} degrees up or down (mount.pitch_deg)"] if tilt else []
     apart = f"{stated:.1f} m apart" if np.isfinite(stated) else "partly in the sky"
-    copied = "" if tilt else "If another program turned the photos, take those of the memory card. "
+    action = "Correct `mount`, or its gimbal."
+    if not tilt:
+        action = (
+            "If another program turned the photos, use those of the memory card; else correct "
+            "`mount`, or its gimbal."
+        )
     text = (
         "The camera seems to be mounted in another direction than the project states: where "
         f"several photos show one point, their rays meet the ground {apart} as stated, and "
         f"{turned[best]:.1f} m apart with all photos turned by {' and '.join(how)}. "
-        f"{copied}Correct `mount`, or its gimbal{', otherwise' if copied else ''}."
+        f"{action}"
     )
     return Message("warning", "mount-turned", text)
 

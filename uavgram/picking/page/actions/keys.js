@@ -4,6 +4,7 @@ import { as, byId } from "../elements/dom.js";
 import { mayBecomeLength } from "../elements/units.js";
 import { toggleStretch } from "../photos/tone.js";
 import { stepTone } from "../photos/tone_control.js";
+import { acceptable, ofLabel } from "./proposals.js";
 import { snap } from "./snap.js";
 
 /** @import { Kind } from "../connection/protocol.js" */
@@ -236,7 +237,7 @@ export const KEYS = [
     { keys: "F2", what: "rename", does: { F2: ({ navigation }) => navigation.beginRename() } },
     { keys: "Delete, Shift+Delete", what: "remove here, everywhere", does: { Delete: ({ tools }) => tools.remove(false), "Shift+Delete": ({ tools }) => tools.remove(true) } },
     { keys: ".   Delete", what: "a hollow mark (P1?): accept, refuse (all: buttons in the panel)", does: { ".": ({ tools }) => tools.proposals.acceptSelected() } },
-    { keys: "Shift, Ctrl + Enter", what: "accept all of the point, all in the photo", does: { "Shift+Enter": ({ tools }) => tools.proposals.acceptAll(false), "Ctrl+Enter": ({ tools }) => tools.proposals.acceptAll(true) } },
+    { keys: "Shift, Ctrl + Enter", what: "accept all of the point, all that were found in all photos", does: { "Shift+Enter": ({ state, tools }) => tools.proposals.acceptAll(ofLabel(state.selected), " of this point"), "Ctrl+Enter": ({ tools }) => tools.proposals.acceptAll(acceptable().all) } },
   ]],
   ["Tools", [
     ...toolBindings(),

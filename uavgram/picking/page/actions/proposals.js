@@ -41,12 +41,10 @@ export class Proposals {
   }
 
   // Undo concerns picks only; refusals are therefore taken back with a button.
-  /** All of the selected point, or all in this photo. @param {boolean} inPhoto */
-  refuseAll(inPhoto) {
-    const some = inPhoto ? this.inPhoto(this.panes.active?.image) : this.ofLabel(this.state.selected);
-    if (!some.length) return;
+  /** All of a point. @param {string} point */
+  refuseAll(point) {
     /** @type {[number, string][]} */
-    const pairs = some.map(({ image, label }) => [image, label]);
+    const pairs = ofLabel(point).map(({ image, label }) => [image, label]);
     this.say({ t: "refuse", pairs });
     this.notice.show(`${pairs.length} refused: ${pairs.length === 1 ? "it is" : "they are"} still to be picked by hand.`, true,
       { words: "Take that back", act: () => this.say({ t: "refuse", pairs, is_taken_back: true }) });
@@ -89,30 +87,12 @@ export class Proposals {
     else this.notice.show(here.length ? "Several points were found in this photo: choose one, by N and B or in the table." : "No point found by the program is left to accept in this photo. To mark a point, click it.", true);
   }
 
-  /** All of the selected point, or all in this photo. @param {boolean} inPhoto */
-  acceptAll(inPhoto) {
-    const { active } = this.panes;
-    const some = inPhoto ? this.inPhoto(active?.image) : this.ofLabel(this.state.selected);
-    if (some.length) this.accept(some);
-    else this.notice.show(`No find of the program is left to accept ${inPhoto ? "in this photo" : "of this point in other photos"}. To mark a point, click it.`, true);
-    return true;
-  }
-
-  // Accepts the proposals that need no inspection, in all photos.
-  acceptSure() {
-    if (!this.accept(proposals().filter(({ is_sure }) => is_sure))) return;
+  /** Accepts several, in all photos. @param {Proposal[]} some @param {string} which in words */
+  acceptAll(some, which = "") {
+    if (!some.length) this.notice.show(`No find of the program is left to accept${which}. To mark a point, click it.`, true);
+    if (!this.accept(some)) return;
     this.notice.show("Accepted. Undo: Ctrl+Z.", true);
     this.panes.active?.focus(); // the button is gone with them, and keys are for the photo again
-  }
-
-  /** @param {number | undefined} image @returns {Proposal[]} */
-  inPhoto(image) {
-    return proposals().filter((one) => one.image === image);
-  }
-
-  /** @param {string | null} label @returns {Proposal[]} */
-  ofLabel(label) {
-    return proposals().filter((one) => one.label === label);
   }
 
   // Goes to the place or the expected region of a point, with the region filling part of the screen;
@@ -131,4 +111,18 @@ export class Proposals {
     else pane.fit();
     pane.focus();
   }
+}
+
+/** @param {string | null} label @returns {Proposal[]} */
+export const ofLabel = (label) => proposals().filter((one) => one.label === label);
+
+export const MOST_SHOWN = 60; // most rows that a person reads
+
+// What one click or key may accept: all finds if each has its picture in the list, else those that need no inspection.
+export function acceptable() {
+  const found = proposals();
+  const sure = found.filter(({ is_sure }) => is_sure);
+  if (found.length > MOST_SHOWN) return { all: sure, words: `Accept the ${sure.length} found surely` };
+  const unsure = found.length - sure.length;
+  return { all: found, words: `Accept the ${found.length} found${unsure ? ` (${unsure} unsure)` : ""}` };
 }

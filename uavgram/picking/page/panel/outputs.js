@@ -1,10 +1,10 @@
 // The foot of the measurements tab: one click runs the project and writes all outputs.
 
-import { adjusted, isSearching, proposals, store } from "../connection/store.js";
+import { acceptable } from "../actions/proposals.js";
+import { adjusted, isSearching, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
 import { fillIfNew, node } from "../elements/dom.js";
 import { keep } from "../elements/table.js";
-import { MOST_SHOWN } from "./proposals.js";
 
 /** @import { Proposals } from "../actions/proposals.js" */
 /** @import { ProjectActions } from "../actions/project_actions.js" */
@@ -55,15 +55,6 @@ function showStage(work) {
   const words = store.stages[work] || "save";
   stage.textContent = `${words.slice(0, 1).toUpperCase()}${words.slice(1)}\u2026 ${Math.round((performance.now() - begun) / 1000)} s`;
   ticking = setTimeout(() => showStage(work), 1000);
-}
-
-// What one click may accept: all finds if each has its picture in the list, else those that need no inspection.
-export function acceptable() {
-  const found = proposals();
-  const sure = found.filter(({ is_sure }) => is_sure);
-  if (found.length > MOST_SHOWN) return { all: sure, words: `Accept the ${sure.length} found surely` };
-  const unsure = found.length - sure.length;
-  return { all: found, words: `Accept the ${found.length} found${unsure ? ` (${unsure} unsure)` : ""}` };
 }
 
 // The button for writing results shows how far they can be trusted.

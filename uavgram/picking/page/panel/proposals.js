@@ -1,5 +1,6 @@
 // Proposals in other photos that are not accepted yet, and labels to be picked by hand.
 
+import { acceptable, MOST_SHOWN, ofLabel } from "../actions/proposals.js";
 import { askedFor, isSearching, pickAt, picksOf, proposals, store } from "../connection/store.js";
 import { linkButton, signButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
@@ -11,7 +12,6 @@ import { spot } from "../photos/spot.js";
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Asked, Proposal } from "../connection/protocol.js" */
 
-export const MOST_SHOWN = 60; // most rows that a person reads
 const FEW = 6; // a list so short leaves room for the rest
 
 /** @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @returns {(HTMLElement | null)[]} */
@@ -27,7 +27,7 @@ function foundPart({ selected }, image, tools) {
     return null;
   }
   return keep("found", [all, selected, image, isSearching()], () => titled(`Found by the program (${all.length})`,
-    acceptButtons(all.filter(({ is_sure }) => is_sure).length, selected, image, tools),
+    acceptButtons(all.filter(({ is_sure }) => is_sure), selected, tools),
     table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that the program recognised; unsure: look at the two pictures before you accept it"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
       all.slice(0, MOST_SHOWN).flatMap((one) => [foundRow(one, tools), picturesRow(one)])),
     more(all.length)));
@@ -35,23 +35,18 @@ function foundPart({ selected }, image, tools) {
 
 const SURE = "Plates and targets, and points that three or more photos show with all that surrounds them. The others are left for you to look at";
 
-/** @param {number} sure @param {string | null} selected @param {number | undefined} image @param {Tools} tools */
-function acceptButtons(sure, selected, image, tools) {
-  const own = selected ? tools.proposals.ofLabel(selected).length : 0;
-  const here = tools.proposals.inPhoto(image).length;
+/** @param {Proposal[]} sure @param {string | null} selected @param {Tools} tools */
+function acceptButtons(sure, selected, { proposals: found }) {
+  const own = ofLabel(selected);
+  const { all, words } = acceptable();
+  /** @param {string} name @param {string} caption @param {Proposal[]} some @param {string} key @param {string} title */
+  const accept = (name, caption, some, key, title = key) => node("button", { name, title, disabled: isSearching(), onclick: () => found.acceptAll(some) }, caption, key ? node("span", { class: "key" }, key) : null);
+  const isAll = all.length === sure.length;
   return node("div", { class: "row accept" },
-    sure ? node("button", { name: "accept-sure", title: SURE, disabled: isSearching(), onclick: () => tools.proposals.acceptSure() }, `Accept all found surely (${sure})`) : null,
-    ...pair("label", own, `of ${selected}`, "Shift+Enter", tools),
-    ...pair("photo", here, "in this photo", "Ctrl+Enter", tools));
-}
-
-/** @param {"label" | "photo"} which @param {number} count @param {string} words @param {string} key @param {Tools} tools */
-function pair(which, count, words, key, { proposals: all }) {
-  const inPhoto = which === "photo";
-  return count ? [
-    node("button", { name: `accept-${which}`, title: key, disabled: isSearching(), onclick: () => all.acceptAll(inPhoto) }, `Accept all ${words} (${count})`, node("span", { class: "key" }, key)),
-    node("button", { name: `refuse-${which}`, title: `Take nothing of what was found ${words}`, onclick: () => all.refuseAll(inPhoto) }, `Refuse all ${words}`),
-  ] : [];
+    sure.length ? accept("accept-sure", `Accept all found surely (${sure.length})`, sure, isAll ? "Ctrl+Enter" : "", SURE) : null,
+    isAll ? null : accept("accept-all", words, all, "Ctrl+Enter"),
+    ...(selected && own.length ? [accept("accept-label", `Accept all of ${selected} (${own.length})`, own, "Shift+Enter"),
+      node("button", { name: "refuse-label", title: `Take nothing of what was found of ${selected}`, onclick: () => found.refuseAll(selected) }, `Refuse all of ${selected}`)] : []));
 }
 
 /** @param {Proposal} one @param {Tools} tools */

@@ -1,12 +1,12 @@
 // The verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence, and
 // its remedies. Statistics and all else are folded behind "why". Level and words come from the server.
 
+import { acceptable } from "../actions/proposals.js";
 import { adjusted, isSearching, picksOf, remarks, stale, store } from "../connection/store.js";
 import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
 import { spot } from "../photos/spot.js";
-import { acceptable } from "./outputs.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Tools } from "../actions/tools.js" */
@@ -60,7 +60,7 @@ function actionsOf({ code, labels, mends, plain, show }, isOld, tools, project) 
   const looks = show.map(({ image, label }) => ({ name: "show", words: show.length > 1 ? `Show ${label}` : "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(image, label) }));
   const again = code === "nothing-checks" && labels.length ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
   const { all: found, words: accept } = acceptable(); // places in other photos check a length, though no click
-  const taking = code === "nothing-checks" && !labels.length && found.length ? [{ name: "accept-found", words: accept, rank: MEND, disabled: isOld || isSearching(), act: () => void tools.proposals.accept(found) }] : [];
+  const taking = code === "nothing-checks" && !labels.length && found.length ? [{ name: "accept-found", words: accept, rank: MEND, disabled: isOld || isSearching(), act: () => tools.proposals.acceptAll(found) }] : [];
   const all = [...ways, ...again, ...taking, ...looks].sort((a, b) => a.rank - b.rank);
   return all.length ? node("span", { class: "mends" }, compared(mends), ...all.map(({ name, words, disabled, act }, k) => node("button", { name, value: words, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
 }
