@@ -36,6 +36,7 @@ from uavgram.picking.protocol.encode_verdict import (
 )
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 from uavgram.stages.judge.verdict import make_reason
+from uavgram.stages.remedies import make_tape_remedy
 from uavgram.views.survey.verdict import describe_undetectable
 
 SWAPPED = Reason(
@@ -201,6 +202,14 @@ def test_a_reason_that_nothing_corrects_says_what_to_do(code: str) -> None:
     found = told_of(replace(made, verdict=Verdict(level="amber", reasons=(reason,))))["first"]
     assert found["plain"] == f"{reason.plain} {entry_of(code).action}"
     assert found["show"]
+
+
+def test_what_no_button_can_do_is_written_out() -> None:
+    tape = make_tape_remedy("P1", "P2", 8.0)
+    reason = Reason(cause="nothing-checks", text="A.", plain="L4 is not checked.", mend=tape)
+    found = told_of(replace(survey.build(), verdict=Verdict(level="amber", reasons=(reason,))))
+    assert found["first"]["plain"] == "L4 is not checked. Tape from P1 to P2, about 8.0 m."
+    assert not found["first"]["mends"]
 
 
 def test_a_reason_that_a_button_corrects_gets_no_general_advice() -> None:

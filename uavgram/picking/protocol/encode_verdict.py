@@ -117,7 +117,7 @@ class Remarks:
         if reason.plain and reason.mend is None and ". " not in plain:  # the finding alone
             plain = f"{plain} {entry_of(reason.cause).action}".rstrip()
         mends = remedies_json((reason.mend, *reason.instead), self.lines, self.index)
-        if reason.plain and reason.mend is not None and not mends:  # nothing that the page can do
+        if reason.plain and reason.mend and reason.mend.action == "tape":  # no button does that
             plain = f"{plain} {reason.mend.words}."
         if settings := find_set_up(f"{text} {plain}"):
             way: m.Way = {"to": "set-up", "names": settings}
