@@ -30,8 +30,11 @@ export class Clicks {
     const { image } = pane;
     const found = this.meant(pane, u, v);
     if (found.mark) {
-      if (found.mark === "target") this.tools.proposals.acceptHere(pane, found.label);
-      else this.tools.clickedMark(found.label);
+      if (found.mark === "pick") this.tools.clickedMark(found.label);
+      else {
+        this.tools.proposals.acceptHere(pane, found.label);
+        notice.show(`${found.label} is where the program measured the target: more exactly than by a click, and by itself, so that it checks your clicks elsewhere.`, true);
+      }
       return;
     }
     if (!found.choices) {

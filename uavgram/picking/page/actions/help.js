@@ -15,7 +15,7 @@ const MARKS = [
   ["placed", SHAPES.hand, "a point that you placed; the ellipse is where it lies, 95\u00a0%"],
   ["placed found", SHAPES.match, "the same point in another photo, found by the program. Rest the pointer there: from which pick, how exactly. Move it, and it is yours"],
   ["placed found", SHAPES.target, "a coded plate or target, found by the program"],
-  ["proposed", HOLLOW, "found by the program; the full stop accepts it, a click there is a pick of your own"],
+  ["proposed", HOLLOW, "found by the program; the full stop accepts it, a click there is a pick of your own, but on a target takes its measured centre"],
   ["predicted", ROUND, "where a point should be that is placed in other photos, 95\u00a0%"],
   ["suspect", DIAMOND, "suspect: it does not fit the rest. Look whether it is the right place, or the right length"],
   ["trust doubtful", DIAMOND, "dashed, round a point or as a line: doubtful. It rests on something that does not fit"],

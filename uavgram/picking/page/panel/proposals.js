@@ -28,11 +28,12 @@ function foundPart({ selected }, image, tools) {
   }
   return keep("found", [all, selected, image, isSearching()], () => titled(`Found by the program (${all.length})`,
     acceptButtons(all.filter(({ is_sure }) => is_sure), selected, tools),
-    table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that the program recognised; unsure: look at the two pictures before you accept it"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
+    table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that the program recognised; unsure: look at the two pictures before you accept it"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), ""],
       all.slice(0, MOST_SHOWN).flatMap((one) => [foundRow(one, tools), picturesRow(one)])),
     more(all.length)));
 }
 
+const UNSURE = "Fewer than three photos show it with all that surrounds it: compare the two pictures. "; // beneath the row
 const SURE = "Plates and targets, and points that three or more photos show with all that surrounds them. The others are left for you to look at";
 
 /** @param {Proposal[]} sure @param {string | null} selected @param {Tools} tools */
@@ -53,7 +54,7 @@ function acceptButtons(sure, selected, { proposals: found }) {
 function foundRow(one, tools) {
   const { image, label, sigma_px, score, source } = one;
   const { name } = store.photos[image];
-  return tableRow({ "data-row": `found ${label} ${image}` }, label, cell({ class: "named ended", title: name }, goButton(one, name.replace(/\.\w+$/, ""), tools)), cell({ class: one.is_sure ? "" : "is-doubtful" }, `${source}${one.is_sure ? "" : ", unsure"}`), fixed(sigma_px, 2), fixed(score, 2),
+  return tableRow({ "data-row": `found ${label} ${image}` }, cell({ title: label }, label), cell({ class: "named ended", title: name }, goButton(one, name.replace(/\.\w+$/, ""), tools)), cell({ class: one.is_sure ? "" : "is-doubtful", title: `${one.is_sure ? "" : UNSURE}${score === null ? "" : `Alike to ${fixed(100 * score, 0)}\u00a0%`}` }, `${source}${one.is_sure ? "" : ", unsure"}`), fixed(sigma_px, 2),
     cell({}, signButton("accept", `Accept ${label} in ${name}`, "\u2713", () => tools.proposals.accept([one]), { title: "Accept (full stop)" }),
       signButton("remove", `Refuse ${label} in ${name}`, "\u00d7", () => tools.proposals.refuse([[image, label]]), { title: "Refuse" })));
 }
@@ -61,7 +62,7 @@ function foundRow(one, tools) {
 // The pick and the find side by side: a wrong one shows without a look at the other photo.
 /** @param {Proposal} one */
 function picturesRow({ image, label, u_px, v_px, from_image }) {
-  const row = beneath(6, "spots");
+  const row = beneath(5, "spots");
   const pick = from_image === null ? undefined : pickAt(from_image, label);
   if (pick) row.firstElementChild?.append(spot(pick.image, pick.u_px, pick.v_px, `${label} as picked in ${store.photos[pick.image].name}`), "\u2192");
   row.firstElementChild?.append(spot(image, u_px, v_px, `${label} as found in ${store.photos[image].name}`));
