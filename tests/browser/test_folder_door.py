@@ -385,3 +385,22 @@ def test_the_set_up_reads_the_same_before_and_after_the_project_is_made(
     page.get_by_role("button", name="Change camera, mount").click()
     expect(page.get_by_role("group", name="Tape")).to_be_visible()
     assert boxes.all_inner_texts() == before
+
+
+def test_photos_of_another_size_among_the_others_are_left_out_by_choice(
+    home: Path, open_page: PageOpener
+) -> None:
+    photos = home / "flight" / "photos"
+    for path, k in zip(sorted(photos.iterdir()), (1, 3, 4), strict=False):
+        path.rename(photos / f"IMG_{k}.jpg")
+    turned = cv2.imencode(".jpg", np.zeros((300, 400, 3), np.uint8))[1].tobytes()
+    (photos / "IMG_2.jpg").write_bytes(turned)
+    kept = sorted(path.name for path in photos.iterdir() if path.name != "IMG_2.jpg")
+    with served(None, FolderChooser(roots=(home,))) as server:
+        page = open_page(server)
+        page.get_by_role("button", name="Use flight").click()
+        page.get_by_role("radio", name=f"{len(kept)} photos of").check()
+        page.get_by_role("button", name="Begin").click()
+        expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
+        assert [photo.name for photo in server.picking.photos] == kept
+        assert not open_page.errors

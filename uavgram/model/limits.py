@@ -32,12 +32,15 @@ Weights beyond them make the other terms of a sum lose all their digits.
 LARGEST_READING_SIGMA_M = 1.0
 """Largest standard deviation of a tape reading: a larger one is in another unit than metres."""
 
+LARGEST_LENGTH_M = 1e5
+"""Largest known length: a larger one is in another unit than metres."""
+
 RANGES = (
     (re.compile(r"^reading_sigma_m$"), SMALLEST_SIGMA, LARGEST_READING_SIGMA_M),
     (re.compile(r"sigma|straightness"), SMALLEST_SIGMA, LARGEST_SIGMA),
     (re.compile(r"latitude_deg$"), -90.0, 90.0),
     (re.compile(r"longitude_deg$"), -360.0, 360.0),
-    (re.compile(r"^length_m$"), SMALLEST_SIGMA, LARGEST_NUMBER),
+    (re.compile(r"^length_m$"), SMALLEST_SIGMA, LARGEST_LENGTH_M),
     (re.compile(r""), -LARGEST_NUMBER, LARGEST_NUMBER),
 )
 """Least and greatest number in a field of a file or of the page, by a pattern of its name."""

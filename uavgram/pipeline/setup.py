@@ -85,6 +85,8 @@ class FoundPhotos:
     ----------
     pattern
         Their pattern, relative to the folder of the search.
+    names
+        Their names where the pattern matches others too; else none.
     count, width_px, height_px, example
         Number, size, and the name of the first.
     camera
@@ -98,6 +100,7 @@ class FoundPhotos:
     """
 
     pattern: str
+    names: tuple[str, ...]
     count: int
     width_px: int
     height_px: int
@@ -260,8 +263,12 @@ def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents, kind: int
         camera = assume_photo_camera(photos)[0].name
     except UavgramError:  # not stated, or reported when the project is made
         pass
+    pattern = find_own_pattern(folder, group, holdings.photos)
+    others = {path for other in holdings.photos if other is not group for path in other.files}
+    is_own = others.isdisjoint(folder.glob(pattern))
     return FoundPhotos(
-        pattern=find_own_pattern(folder, group, holdings.photos),
+        pattern=pattern,
+        names=() if is_own else tuple(_pattern_of_one(folder, file) for file in group.files),
         count=len(group.files),
         width_px=group.size_px[0],
         height_px=group.size_px[1],

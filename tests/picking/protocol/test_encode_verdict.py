@@ -204,6 +204,18 @@ def test_a_reason_that_nothing_corrects_says_what_to_do(code: str) -> None:
     assert found["show"]
 
 
+def test_a_point_whose_picks_contradict_each_other_is_shown_in_each_photo() -> None:
+    result = survey.build()
+    label = max(set(result.picks.label), key=result.picks.label.count)
+    seen = [
+        one for one, own in zip(result.picks.image, result.picks.label, strict=True) if own == label
+    ]
+    reason = Reason(cause="pick-suspect", text="A.", labels=(label,), frames=tuple(seen[:2]))
+    found = told_of(replace(result, verdict=Verdict(level="amber", reasons=(reason,))))
+    assert [one["label"] for one in found["first"]["show"]] == [label, label]
+    assert len({one["image"] for one in found["first"]["show"]}) == 2
+
+
 def test_what_no_button_can_do_is_written_out() -> None:
     tape = make_tape_remedy("P1", "P2", 8.0)
     reason = Reason(cause="nothing-checks", text="A.", plain="L4 is not checked.", mend=tape)

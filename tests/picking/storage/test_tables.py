@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Never
@@ -603,3 +604,24 @@ def test_new_files_beside_the_photos_are_named_with_the_way_out(project: Path) -
         (photos / name).unlink()
     watch.find_changed_files()
     assert not watch.added
+
+
+def test_a_folder_that_is_gone_is_said_and_not_made_again(project: Path, tmp_path: Path) -> None:
+    work = Working(project)
+    watch = FileWatch(read_inputs(project))
+    work.do(c.Place(image="P1.jpg", label="C", u_px=5.0, v_px=5.0))
+    before = work.session.state
+    moved = tmp_path.with_name(f"{tmp_path.name} moved")
+    tmp_path.rename(moved)
+    assert f"The folder {tmp_path} is gone: it was moved" in work.save()
+    with pytest.raises(OutputError, match="is gone"):
+        work.do(c.Place(image="P1.jpg", label="D", u_px=6.0, v_px=6.0))
+    work.session = replace(work.session, state=before)
+    assert watch.find_changed_files(("picks.csv",)) == []
+    assert "put the folder back under its name" in watch.added
+    assert not tmp_path.exists()
+    moved.rename(tmp_path)
+    assert not watch.find_changed_files()
+    assert not watch.added
+    assert not work.save()
+    assert b"C" in (tmp_path / "picks.csv").read_bytes()

@@ -138,12 +138,17 @@ class Remarks:
     def _show(self, reason: Reason) -> list[m.PhotoLabel]:
         """Return the most doubtful of the picks that a reason names; of each of a few points.
 
+        Of one point whose picks contradict each other, in each of their photos.
+
         For a length, in a photo that shows both ends, if there is one: the length is drawn there.
         """
         frames, ends = set(reason.frames), self._ends(reason)
         groups = [set(reason.labels) | ends]
         if not frames and not ends and len(reason.labels) <= MAX_NAMES:
             groups = [{label} for label in reason.labels]
+        if len(reason.labels) == 1 and not ends and 1 < len(frames) <= MAX_NAMES:
+            each = (self._find_doubtful({frame}, groups[0]) for frame in reason.frames)
+            return [one for one in each if one is not None]
         frames = frames or self._photos_of(ends)
         found = (self._find_doubtful(frames, labels) for labels in groups)
         return [one for one in found if one is not None]

@@ -294,7 +294,7 @@ def _no_number(text: str) -> NoReturn:
 
 def _parse_setup(fields: dict[str, Any], found: FolderSummary) -> SetupChoices:
     """Return the set-up requested by a page, after checking that all named files were found."""
-    patterns = [photos.pattern for photos in found.photos]
+    patterns = {one for photos in found.photos for one in (photos.pattern, *photos.names)}
     images = fields.get("images", [])
     if not isinstance(images, list) or not all(one in patterns for one in images):
         raise RefusedError("these photos were not found: choose the folder again")

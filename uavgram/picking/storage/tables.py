@@ -116,7 +116,15 @@ class Tables:
         return (Message("warning", "table-missing", text),)
 
     def record(self, command: c.Command, step: int) -> None:
-        """Store a command that was applied, before it is confirmed."""
+        """Store a command that was applied, before it is confirmed.
+
+        Raises
+        ------
+        OutputError
+            It cannot be stored.
+        """
+        if fault := self._find_gone():
+            raise OutputError(fault)
         self._journal.record(command, step)
         self._pending = True
 
@@ -129,6 +137,8 @@ class Tables:
         """
         if not self._pending:
             return ""
+        if fault := self._find_gone():
+            return fault
         wanted = self._contents(state)
         todo = [role for role in ROLES if wanted[role] != self._on_disk[role]]
         try:
@@ -144,6 +154,10 @@ class Tables:
             return str(fault)
         self._pending = False
         return self._advise_on_unnamed(wanted)
+
+    def _find_gone(self) -> str:
+        gone = (_describe_gone(path.parent) for path in self._paths.values())
+        return next(filter(None, gone), "")
 
     def find_changed_tables(self) -> tuple[str, ...]:
         """Return the names of tables that another program changed since their last use here."""
@@ -384,6 +398,7 @@ class FileWatch:
         project = inputs.project
         known = (project.control, project.control_lines, project.check)
         names = (inputs.project_path, project.camera_file, *known)
+        self._home = Path(inputs.project_path).absolute().parent
         self._files = [Path(name) for name in names if name]
         self._photos: dict[Path, set[str]] = {}  # names by folder
         for photo in map(Path, inputs.photos.path):
@@ -398,6 +413,9 @@ class FileWatch:
 
     def find_changed_files(self, others: Sequence[str] = ()) -> list[str]:
         """Return the names of the files that differ from those read, `others` among them."""
+        if gone := _describe_gone(self._home):
+            self._new, self.added, self.last_changed = {self._home: None}, gone, []
+            return []
         now = {folder: _list_names(folder) for folder in self._photos}
         missing = (names - now[folder] for folder, names in self._photos.items())
         new = {folder / name for folder in now for name in now[folder] - self._before[folder]}
@@ -420,6 +438,17 @@ class FileWatch:
             differs = True
         self._seen[path] = (stamp, differs)
         return differs
+
+
+def _describe_gone(folder: Path) -> str:
+    """Say that the project's folder is not there, and what to do; empty where it is there."""
+    if folder.is_dir():
+        return ""
+    return (
+        f"The folder {folder} is gone: it was moved or renamed, or its drive was taken out. Leave "
+        "this page open, which keeps what you did, and put the folder back under its name: the "
+        "next change saves it all"
+    )
 
 
 def _describe_added(new: Sequence[Path], find_used: Callable[[], list[Path]]) -> str:

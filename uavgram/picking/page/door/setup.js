@@ -211,7 +211,7 @@ function wantedOf(found, kinds, form) {
   const kind = kinds[Number(textIn(form, "kind") || 0)];
   const isOneKind = kinds.length === 1;
   return {
-    folder: found.number, images: isOneKind ? [] : kind.photos.map(({ pattern }) => pattern),
+    folder: found.number, images: isOneKind ? [] : kind.photos.flatMap(({ pattern, names }) => (names.length ? names : [pattern])),
     log: textIn(form, "log") || null, poses: textIn(form, "poses") || null, camera: textIn(form, "camera") || null,
     gcp_list: textIn(form, "gcp") ? found.gcp_lists[0] : null, gcp_sigma_m: textIn(form, "gcp") ? positive(form, "gcp_sigma", "Points with known coordinates") * CM : 0.02,
     setup: {

@@ -70,7 +70,7 @@ export function mayBecomeLength(text) {
 
 export const THOUSANDS = /^[-+]?[1-9]\d{0,2},\d{3}(?![\d.,])/; // the comma may be that of thousands, or a decimal comma
 export const DECIMAL_COMMA = /,(?=\d+(?![\d.,]))/;
-const LARGEST_M = 1000; // no drone's photo shows a taped length of a kilometre
+export const LARGEST_M = 1000; // no drone's photo shows a taped length of a kilometre
 
 // Returns metres; NaN if the text is not a length. A comma before three digits is that of decimals if the number without
 // it is larger than any taped length; else the text has two meanings, and is refused.

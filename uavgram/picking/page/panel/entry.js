@@ -5,7 +5,7 @@ import { freeName } from "../connection/store.js";
 import { as, fillIfNew, node, textIn } from "../elements/dom.js";
 import { meaning } from "../elements/numbers.js";
 import { drop, keep } from "../elements/table.js";
-import { DECIMAL_COMMA, fieldText, fieldUnit, parseLength, THOUSANDS, understood } from "../elements/units.js";
+import { DECIMAL_COMMA, fieldText, fieldUnit, LARGEST_M, parseLength, THOUSANDS, typedText, understood } from "../elements/units.js";
 import { placeText, speedFacts } from "./speed.js";
 
 /** @import { Entry, NewLine } from "../actions/page_state.js" */
@@ -189,6 +189,7 @@ function numbersIn(form, wanted) {
     const value = sort ? parseLength(textIn(form, field), sort) : parse(textIn(form, field));
     if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(textIn(form, field), (sort && EXAMPLES[fieldUnit(sort)]) || example)}`, field };
     if (!any && (value < 0 || (value === 0 && !zero))) return { why: `${caption}: enter a number greater than 0 (read: ${textIn(form, field)}).`, field };
+    if (field === "length_m" && value > LARGEST_M) return { why: `${caption}: ${typedText(value)} is longer than any tape. Enter it ${EXAMPLES[fieldUnit()] ?? example}.`, field };
     found[field] = value;
   }
   return { found };

@@ -57,8 +57,9 @@ const isTold = ({ text }, others) => others.some((other) => other.text.startsWit
 /** @param {Remark} remark @param {boolean} isOld @param {Tools} tools @param {ProjectActions} project */
 function actionsOf({ code, labels, mends, plain, show }, isOld, tools, project) {
   const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, plain, tools, project); } }));
-  const looks = show.map(({ image, label }) => ({ name: "show", words: show.length > 1 ? `Show ${label}` : "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(image, label) }));
-  const again = code === "nothing-checks" && labels.length ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
+  const isContradicted = !mends.length && labels.length === 1 && show.length > 1; // one of its clicks is wrong: another one of each decides
+  const again = labels.length && (code === "nothing-checks" || isContradicted) ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
+  const looks = show.map(({ image, label }) => ({ name: "show", words: isContradicted ? `Show ${label} in ${store.photos[image].name}` : show.length > 1 ? `Show ${label}` : "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(image, label) }));
   const { all: found, words: accept } = acceptable(); // places in other photos check a length, though no click
   const taking = code === "nothing-checks" && !labels.length && found.length ? [{ name: "accept-found", words: accept, rank: MEND, disabled: isOld || isSearching(), act: () => tools.proposals.acceptAll(found) }] : [];
   const all = [...ways, ...again, ...taking, ...looks].sort((a, b) => a.rank - b.rank);
