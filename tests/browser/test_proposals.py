@@ -95,3 +95,23 @@ def test_rows_that_stay_are_not_made_anew(
         expect(write).to_be_enabled()
         assert page.evaluate("shown.every(row => row.isConnected)")
         assert not open_page.errors
+
+
+CUT_OFF = """() => [...document.querySelectorAll("#panel button")]
+    .filter((one) => one.getClientRects().length && one.getBoundingClientRect().right > innerWidth)
+    .map((one) => one.name)
+"""
+
+
+def test_what_a_find_is_accepted_by_is_in_sight_beside_a_long_label(
+    project: tuple[Path, tuple[float, float]], open_page: PageOpener
+) -> None:
+    path, there = project
+    long = "Blockierspur Ende rechts hinten"
+    with served(path) as server:
+        page = open_page(server, 1024, 700)
+        expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted")
+        place(page, long, *there)
+        expect(page.locator(f'tr[data-row^="found {long} "]')).to_have_count(2)
+        eventually(page, lambda: page.evaluate(CUT_OFF) == [])
+        assert not open_page.errors
