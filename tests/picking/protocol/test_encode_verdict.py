@@ -216,6 +216,14 @@ def test_a_point_whose_picks_contradict_each_other_is_shown_in_each_photo() -> N
     assert len({one["image"] for one in found["first"]["show"]}) == 2
 
 
+def test_a_mount_that_does_not_fit_has_a_button_to_the_set_up() -> None:
+    entry = entry_of("prior-strained")
+    reason = Reason(cause="prior-strained", text="It is 18 times off.", plain=entry.one)
+    found = told_of(replace(survey.build(), verdict=Verdict(level="amber", reasons=(reason,))))
+    (mend,) = found["first"]["mends"]
+    assert mend["way"] == {"to": "set-up", "names": ["mount"]}
+
+
 def test_what_no_button_can_do_is_written_out() -> None:
     tape = make_tape_remedy("P1", "P2", 8.0)
     reason = Reason(cause="nothing-checks", text="A.", plain="L4 is not checked.", mend=tape)
