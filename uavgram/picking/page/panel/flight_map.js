@@ -6,6 +6,7 @@ import { choose, node, shape } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
 import { keep, titled } from "../elements/table.js";
 import { sizeText } from "../elements/units.js";
+import { textAt } from "../photos/shapes.js";
 
 /** @import { Photo } from "../connection/protocol.js" */
 /** @typedef {{ photo: Photo, k: number, east: number, north: number }} Placed */
@@ -92,7 +93,7 @@ function drawing(placed, track, { x, y, height, scale }) {
   const bar = barOf(scale);
   return shape("svg", { viewBox: `0 0 ${WIDTH} ${height}`, role: "img", "aria-label": `Map of the flight with ${placed.length} photos` },
     shape("polyline", { class: "track", points: path }), ...timeLabels(placed, x, y),
-    shape("path", { class: "bar", d: `M6 ${height - 5}h${(bar * scale).toFixed(1)}` }), textShape(sizeText(bar), 6, height - 9, "start"));
+    shape("path", { class: "bar", d: `M6 ${height - 5}h${(bar * scale).toFixed(1)}` }), textAt(sizeText(bar), 6, height - 9, "start"));
 }
 
 // A round length of about a fifth of the map.
@@ -101,13 +102,6 @@ function barOf(scale) {
   const most = WIDTH / 5 / scale;
   const power = 10 ** Math.floor(Math.log10(most));
   return Math.max(...[1, 2, 5].map((one) => one * power).filter((one) => one <= most));
-}
-
-/** @param {string} words @param {number} x @param {number} y @param {string} anchor */
-function textShape(words, x, y, anchor) {
-  const text = shape("text", { x: x.toFixed(1), y: y.toFixed(1), "text-anchor": anchor });
-  text.textContent = words;
-  return text;
 }
 
 // Times beside the first photo, the last, and those between if there is room.
@@ -122,7 +116,7 @@ function timeLabels(placed, x, y) {
     const [left, middle] = [isRight ? x(east) + DOT + 2 : x(east) - DOT - 2 - LABEL_WIDTH, y(north)];
     if (taken.some(([a, b]) => Math.abs(a - left) < LABEL_WIDTH && Math.abs(b - middle) < LABEL_HEIGHT)) return [];
     taken.push([left, middle]);
-    return [textShape(utcText(photo.time_utc_s, 0), isRight ? left : left + LABEL_WIDTH, middle + 3.5, isRight ? "start" : "end")];
+    return [textAt(utcText(photo.time_utc_s, 0), isRight ? left : left + LABEL_WIDTH, middle + 3.5, isRight ? "start" : "end")];
   });
 }
 

@@ -6,6 +6,7 @@ import { node, shape } from "../elements/dom.js";
 import { fixed, places } from "../elements/numbers.js";
 import { cell, keep, table, tableRow, titled } from "../elements/table.js";
 import { inLength, lengthUnit } from "../elements/units.js";
+import { textAt } from "../photos/shapes.js";
 import { KINDS } from "./entry.js";
 
 /** @import { Link } from "../connection/socket.js" */
@@ -108,21 +109,14 @@ function drawing({ name, kind, points: order }, points) {
     ...axis(scales, along[0].label), ...along.map((point) => pointShape(point, scales)), ...labelShapes(along, scales));
 }
 
-/** @param {string} words @param {number} x @param {number} y @param {string} anchor */
-function textShape(words, x, y, anchor) {
-  const made = shape("text", { x, y, "text-anchor": anchor });
-  made.textContent = words;
-  return made;
-}
-
 /** @param {Scales} scales @param {string} first */
 function axis({ y, times, least, most, length }, first) {
   const digits = Math.min(Math.max(2 - Math.floor(Math.log10(Math.max(most - least, LEAST_HEIGHT_M))), 0), 3) - 1;
   const ticks = most - least > LEAST_HEIGHT_M / 2 ? [least, most] : [(least + most) / 2];
   return [
-    ...ticks.map((height) => textShape(fixed(inLength(height), Math.max(digits, 1)), LEFT - 4, y(height) + 4, "end")),
-    textShape(`${fixed(inLength(length), places(length / 1000))} ${lengthUnit()}`, WIDTH - RIGHT, HEIGHT - 4, "end"),
-    textShape(`heights over ${first}${times > 1 ? `, drawn \u00d7${times}` : ""}; bars 95\u00a0%`, LEFT - 30, HEIGHT - 4, "start"),
+    ...ticks.map((height) => textAt(fixed(inLength(height), Math.max(digits, 1)), LEFT - 4, y(height) + 4, "end")),
+    textAt(`${fixed(inLength(length), places(length / 1000))} ${lengthUnit()}`, WIDTH - RIGHT, HEIGHT - 4, "end"),
+    textAt(`heights over ${first}${times > 1 ? `, drawn \u00d7${times}` : ""}; bars 95\u00a0%`, LEFT - 30, HEIGHT - 4, "start"),
   ];
 }
 
@@ -148,7 +142,7 @@ function labelShapes(along, { x, y }) {
     const line = spots.find((spot) => spot > 9 && spot < HEIGHT - BOTTOM && !taken.some(([left, right, there]) => at - half < right && at + half > left && Math.abs(there - spot) < 11));
     if (line === undefined) return [];
     taken.push([at - half, at + half, line]);
-    return [textShape(label, at, line, "middle")];
+    return [textAt(label, at, line, "middle")];
   });
 }
 

@@ -14,6 +14,13 @@ export function textShape(words, kind) {
   return made;
 }
 
+/** @param {string} words @param {number} x @param {number} y @param {string} anchor */
+export function textAt(words, x, y, anchor) {
+  const made = shape("text", { x: x.toFixed(1), y: y.toFixed(1), "text-anchor": anchor });
+  made.textContent = words;
+  return made;
+}
+
 /** A tooltip. @param {string} words */
 export function titleShape(words) {
   const made = shape("title");
