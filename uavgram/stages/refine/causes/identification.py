@@ -53,7 +53,6 @@ from uavgram.stages.refine.causes.swapped_labels import (
 from uavgram.stages.refine.causes.trials import (
     JudgedHypothesis,
     explain_by_noise,
-    replace_length_noise,
     screen_hypotheses,
     try_hypothesis,
 )
@@ -77,10 +76,6 @@ MAX_CAUSES, MAX_TRIED, MAX_TRIED_OF_A_KIND, MAX_TRIED_WITH_NOISE = 6, 9, 3, 2
 """Largest numbers of reported causes; of hypotheses that are tested by an adjustment each time, and
 of each kind among them; and of those that are also tested with the noise that would explain the
 misfit instead."""
-
-MOST_UNLIKELY = 3.0
-"""Factor of the logarithm of 20 by which a hypothesis may be less likely than the best one, and do
-as well: the prior range of its unknowns, which makes it less likely, is a guess."""
 
 Proposal: TypeAlias = Callable[[Diagnosis], Iterable[Hypothesis]]
 """Function that proposes hypotheses of a kind for a survey."""
@@ -434,10 +429,7 @@ def _find_likeliest(
         if one.after is not None and not needs_cause(one.after):
             return _choose_with_rivals(one, trials)  # it explains all, without more noise
         noisy = noisy or explain_by_noise(diagnosis)
-        own = noisy
-        if one.after is not None and noisy is not diagnosis and _blames_tapes(one):
-            own = replace_length_noise(noisy, explain_by_noise(one.after))
-        odds = np.inf if own is diagnosis else try_hypothesis(own, one).odds
+        odds = np.inf if noisy is diagnosis else try_hypothesis(noisy, one).odds
         if odds > SURE_LOG_ODDS:
             return _choose_with_rivals(one, trials)
         trials[trials.index(one)] = replace(one, odds=odds)  # noise explains about as much
@@ -518,8 +510,7 @@ def _does_as_well(one: JudgedHypothesis, best: JudgedHypothesis) -> bool:
         # A free unknown may agree with a known amount by chance.
         margin = 2.0 if is_known and one.hypothesis.freed is not None else 1.0
         return one.odds > best.odds - margin * SURE_LOG_ODDS
-    is_possible = one.odds > best.odds - MOST_UNLIKELY * SURE_LOG_ODDS
-    return is_possible and one.after.cost < best.after.cost + 2.0 * SURE_LOG_ODDS
+    return one.after.cost < best.after.cost + 2.0 * SURE_LOG_ODDS
 
 
 def _has_less_freedom(best: JudgedHypothesis, other: JudgedHypothesis) -> bool:

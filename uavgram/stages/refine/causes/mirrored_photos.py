@@ -76,12 +76,12 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 
 
 def shows_mirrored_control(survey: Survey) -> bool:
-    """Return whether most triangles of control points have the wrong sense in the photos.
+    """Return whether most triangles of control points have the wrong sense in several photos.
 
     Seen from above, a triangle that runs counterclockwise on the ground does so in a photo, too,
-    however the camera is turned or tilted.
+    however the camera is turned or tilted. The only photo of a survey has hypotheses of its own.
     """
-    if len(survey.control_label) < len(TRIANGLE):
+    if len(survey.control_label) < len(TRIANGLE) or len(np.unique(survey.pick_frame)) < 2:
         return False
     camera = survey.calibration
     place = np.full((len(survey.label), 2), np.nan)

@@ -28,7 +28,6 @@ from uavgram.stages.refine.causes.hypothesis import (
     find_changed_lines,
 )
 from uavgram.stages.refine.noise import estimate_noise
-from uavgram.stages.refine.readjustment import readjust
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,23 +240,3 @@ def explain_by_noise(diagnosis: Diagnosis) -> Diagnosis:
     if survey is diagnosis.survey:
         return diagnosis
     return Diagnosis(replace(diagnosis.taking, survey=survey), refined)
-
-
-def replace_length_noise(noisy: Diagnosis, after: Diagnosis) -> Diagnosis:
-    """Return a survey at the noise that explains it, but with the lengths as exact as in another.
-
-    An error common to all lengths enlarges their noise until it explains that error, too. What the
-    lengths scatter without the error is their noise.
-
-    Parameters
-    ----------
-    noisy
-        The survey with the noise that would explain its misfit.
-    after
-        The survey without the common error, with its noise.
-    """
-    sigma_m, refined = after.survey.length_sigma_m, noisy.refined
-    adjusted = replace(refined.adjustment.survey, length_sigma_m=sigma_m[refined.line_index])
-    refined = replace(refined, adjustment=readjust(refined.adjustment, adjusted))
-    survey = replace(noisy.survey, length_sigma_m=sigma_m)
-    return Diagnosis(replace(noisy.taking, survey=survey), refined)
