@@ -220,7 +220,9 @@ def _find_common_errors(
     # Where the rest fits, a single mistake in readings needs no other cause. Beside one, the poses
     # of the log may be strained, as by a wrong one that was left out.
     accusing = [one for one in found.causes if one.settles]
-    wrong = found.left_out + len(accusing) + robust.count_others()
+    explained = {name for one in found.causes for name in one.message.labels}
+    others = robust.count_others() - len(explained.intersection(robust.contradicting))
+    wrong = found.left_out + len(accusing) + others
     core = compute_core_fit(robust.refined.adjustment).probability
     fits = found.fits or (wrong == 1 and core >= MISFIT_PROBABILITY)
     is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
