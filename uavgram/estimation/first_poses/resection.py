@@ -183,42 +183,53 @@ MIN_SINGULAR_RATIO = 1e-9
 """Ratio of the second smallest to the largest singular value below which the points are in line."""
 
 
-def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | None:
-    """Estimate the pose of a camera from points on the plane z = 0.
+def resect_from_plane(point_m: Floats, ray: Floats) -> Pose | None:
+    """Estimate the pose of a camera from points on the plane z = 0, as `resect_each`.
+
+    None if the points do not determine it, or a ray or a point is not finite.
+    """
+    center, plane_from_camera = resect_each(point_m, ray)
+    return (center, plane_from_camera) if np.isfinite(center).all() else None
+
+
+def resect_each(point_m: Floats, ray: Floats) -> Pose:
+    """Estimate the poses of many cameras from points on the plane z = 0.
 
     Parameters
     ----------
     point_m
-        (N, 2) plane coordinates, N >= 4, not all but one in line.
+        (..., N, 2) plane coordinates, N >= 4, not all but one in line.
     ray
-        (N, 3) undistorted rays in the camera frame, z = 1.
+        (..., N, 3) undistorted rays in the camera frame, z = 1.
 
     Returns
     -------
-    center_m : (3,)
-        In the axes of the plane.
-    plane_from_camera : (3, 3)
-    None
-        If the points do not determine it, or a ray or a point is not finite.
+    center_m : (..., 3)
+        In the axes of the plane; NaN if the points do not determine the pose, or a ray or a point
+        is not finite.
+    plane_from_camera : (..., 3, 3)
 
     Notes
     -----
     Direct linear transformation of the homography with normalised coordinates (Hartley and
     Zisserman 2004, algorithm 4.2), and its factorisation by orthonormality (Zhang 2000, sec. 3.1).
     """
-    mean = point_m.mean(axis=0)
-    size = np.sqrt(np.mean(np.sum((point_m - mean) ** 2, axis=1)))
-    if size == 0:
-        return None
-    rows = make_homography_rows((point_m - mean) / size, ray[:, :2])
-    if not np.isfinite(rows).all():  # a ray beyond the lens
-        return None
+    mean = point_m.mean(axis=-2)
+    off = point_m - mean[..., None, :]
+    size = np.sqrt(np.mean(np.sum(off**2, axis=-1), axis=-1))
+    scaled = off / np.where(size > 0.0, size, 1.0)[..., None, None]
+    rows = make_homography_rows(np.broadcast_to(scaled, (*ray.shape[:-1], 2)), ray[..., :2])
+    is_finite = np.isfinite(rows).all(axis=(-2, -1))  # otherwise a ray beyond the lens
+    rows[~is_finite] = 0.0
     _, singular, vectors = np.linalg.svd(rows)
-    if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
-        return None
-    camera_from_plane, origin = factor_homographies(vectors[-1].reshape(3, 3))
-    center = -camera_from_plane.T @ origin * size
-    return center + np.array([*mean, 0.0]), camera_from_plane.T
+    second = singular[..., -2 if singular.shape[-1] == 9 else -1]
+    is_determined = (second >= MIN_SINGULAR_RATIO * singular[..., 0]) & is_finite
+    homography = vectors[..., -1, :].reshape(*is_finite.shape, 3, 3)
+    camera_from_plane, origin = factor_homographies(homography)
+    plane_from_camera = camera_from_plane.swapaxes(-1, -2)
+    center = -(plane_from_camera @ origin[..., None])[..., 0] * size[..., None]
+    center[..., :2] += mean
+    return np.where(is_determined[..., None], center, np.nan), plane_from_camera
 
 
 def find_second_pose(pose: Pose, point_m: Floats) -> Pose:
@@ -293,15 +304,19 @@ def find_consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
     -------
     None where no pose can be found.
     """
-    offsets = (_find_offsets(world, ray, sigma, np.array(one)) for one in _sets(len(ray)))
-    agreeing = [(one, one < AGREEMENT_SIGMAS) for one in offsets if one is not None]
-    if not agreeing:
+    if len(ray) < MIN_PICKS:
         return None
-    _, best = max(agreeing, key=lambda one: (one[1].sum(), -np.sum(one[0][one[1]] ** 2)))
+    offset = _find_offsets(world, ray, sigma, np.array(_sets(len(ray))))
+    offset = offset[~np.isnan(offset[:, 0])]
+    if not len(offset):
+        return None
+    agrees = offset < AGREEMENT_SIGMAS
+    squares = np.sum(np.where(agrees, offset, 0.0) ** 2, axis=1)
+    best = agrees[np.lexsort((squares, -agrees.sum(axis=1)))[0]]
     if best.sum() < MIN_PICKS:
         return np.asarray(best)
-    again = _find_offsets(world, ray, sigma, np.flatnonzero(best))
-    return None if again is None else np.asarray(again < AGREEMENT_SIGMAS)
+    (again,) = _find_offsets(world, ray, sigma, np.flatnonzero(best)[None])
+    return None if np.isnan(again[0]) else np.asarray(again < AGREEMENT_SIGMAS)
 
 
 def _sets(n: int) -> list[tuple[int, ...]]:
@@ -312,18 +327,24 @@ def _sets(n: int) -> list[tuple[int, ...]]:
     return [tuple(rng.choice(n, MIN_PICKS, replace=False)) for _ in range(MAX_SETS)]
 
 
-def _find_offsets(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Floats | None:
-    """Compute distances (n,) of all picks from the pose by chosen ones, in their sigmas."""
-    pose = resect_from_plane(world[chosen], ray[chosen])
-    if pose is None:
-        return None
-    distance = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1) / sigma
-    return np.where(np.isnan(distance), np.inf, distance)
+def _find_offsets(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Floats:
+    """Compute distances (S, n) of all picks from poses by chosen ones (S, k), in their sigmas.
+
+    NaN where these determine no pose.
+    """
+    pose = resect_each(world[chosen], ray[chosen])
+    distance = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=-1) / sigma
+    distance = np.where(np.isnan(distance), np.inf, distance)
+    return np.where(np.isnan(pose[0][:, :1]), np.nan, distance)
 
 
-def project_plane(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
-    """Project points of the plane to normalised image coordinates (n, 2); NaN behind the camera."""
+def project_plane(world: Floats, pose: Pose) -> Floats:
+    """Project points of the plane (n, 2) to normalised image coordinates in photos, (..., n, 2).
+
+    NaN behind the camera.
+    """
     center, plane_from_camera = pose
-    camera = (np.column_stack([world, np.zeros(len(world))]) - center) @ plane_from_camera
-    depth = np.where(camera[:, 2:] > 0, camera[:, 2:], np.nan)
-    return np.asarray(camera[:, :2] / depth)
+    on_plane = np.column_stack([world, np.zeros(len(world))])
+    camera = (on_plane - center[..., None, :]) @ plane_from_camera
+    depth = np.where(camera[..., 2:] > 0, camera[..., 2:], np.nan)
+    return np.asarray(camera[..., :2] / depth)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.resection import MIN_PICKS, project_plane, resect_from_plane
+from uavgram.estimation.first_poses.resection import MIN_PICKS, project_plane, resect_each
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,
@@ -74,8 +74,11 @@ class _Scale(NamedTuple):
 
 def propose_other_zoom(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose another focal length for single photos, or picks in a smaller copy of a photo."""
-    survey = diagnosis.survey
+    survey, adjusted = diagnosis.survey, diagnosis.adjustment
     every = np.unique(survey.pick_frame)
+    price = GROSS_ERROR_LOG_ODDS + float(np.log(len(survey.frame_id)))
+    if diagnosis.cost - min(adjusted.minimum.cost, _expect_squares(adjusted)) < 2.0 * price:
+        return  # it would be unlikely even if it explained everything
     is_distorted = len(every) <= MOST_PHOTOS  # either may distort all points
     gains = dict.fromkeys(every.tolist(), 0.0) if is_distorted else _find_strained_photos(diagnosis)
     for frame, gain in gains.items():
@@ -88,9 +91,7 @@ def propose_other_zoom(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             (_find_copy(diagnosis, other.adjustment, picks), _report_copy),
         )
         for rough, report in found:
-            scale = rough
-            if rough is not None and is_distorted:
-                scale = _improve_scale(diagnosis, picks, rough)
+            scale = _improve_scale(diagnosis, picks, rough) if rough and is_distorted else rough
             if scale is None or abs(scale.factor - 1.0) < MIN_DIFFERENCE:
                 continue
             yield Hypothesis(
@@ -99,7 +100,7 @@ def propose_other_zoom(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
                 remedy=SurveyCorrection(without_picks=frozenset(picks.tolist())),
                 is_of_all=is_distorted,
                 promise=max(gain, scale.gain),
-                price=GROSS_ERROR_LOG_ODDS + float(np.log(len(survey.frame_id))),
+                price=price,
                 settles=frozenset([survey.frame_id[frame]]),
             )
 
@@ -235,15 +236,11 @@ def _find_factor(
     every = (ray / ray[:, 2:]).reshape(*pixel.shape[:2], 3)
     sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
     center, whitening = _by_the_log(diagnosis, int(survey.pick_frame[picks[0]]))
-    cost = np.full(len(factors), np.inf)
-    for k, factor in enumerate(factors):
-        scaled = every[k]
-        pose = resect_from_plane(world, scaled) if np.isfinite(scaled).all() else None
-        if pose is None or pose[0][2] <= 0:
-            continue
-        off = (project_plane(world, pose) - scaled[:, :2]) * factor / sigma[:, None]
-        lifted = pose[0] + np.array([0.0, 0.0, seen.state.plane[0]])
-        cost[k] = np.sum(off**2) + np.sum((whitening @ (lifted - center)) ** 2)
+    pose = resect_each(world, every)
+    off = (project_plane(world, pose) - every[..., :2]) * factors[:, None, None] / sigma[:, None]
+    lifted = pose[0] + np.array([0.0, 0.0, seen.state.plane[0]])
+    cost = np.sum(off**2, axis=(1, 2)) + np.sum(((lifted - center) @ whitening.T) ** 2, axis=1)
+    cost = np.where((pose[0][:, 2] > 0.0) & ~np.isnan(cost), cost, np.inf)
     best = int(np.argmin(cost))
     if not 0 < best < len(factors) - 1 or not np.isfinite(cost[best - 1 : best + 2]).all():
         return None
@@ -327,27 +324,24 @@ MIN_SHARE_OF_CAMERA = 1e-5
 
 def propose_other_zoom_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose another focal length than in the camera file, or picks in smaller copies."""
-    stated = diagnosis.survey.calibration
-    yield from _propose_camera(diagnosis, zoom_direction(stated)[:, None], other_zoom_message)
+    yield from _propose_camera(diagnosis, zoom_direction, other_zoom_message)
     if _find_reach(diagnosis.survey, np.flatnonzero(diagnosis.taking.keep)) < LARGEST_COPY:
-        yield from _propose_camera(diagnosis, _size_direction(stated)[:, None], _other_size_message)
+        yield from _propose_camera(diagnosis, _size_direction, _other_size_message)
 
 
 def propose_other_camera_file(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose another focal length and principal point than in the camera file."""
-    stated = diagnosis.survey.calibration
-    yield from _propose_camera(diagnosis, _frame_directions(stated), _other_camera_message)
+    yield from _propose_camera(diagnosis, _frame_directions, _other_camera_message)
 
 
 def propose_other_lens(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose another focal length and distortion than in the camera file."""
-    stated = diagnosis.survey.calibration
-    yield from _propose_camera(diagnosis, _lens_directions(stated), _other_lens_message)
+    yield from _propose_camera(diagnosis, _lens_directions, _other_lens_message)
 
 
 def _propose_camera(
     diagnosis: Diagnosis,
-    unknowns: Floats,
+    directions: Callable[[Calibration], Floats],
     describe: Callable[[Survey, HypothesisTest | None], Message],
 ) -> Iterator[Hypothesis]:
     """Propose another interior orientation for all photos, which may explain all the misfit.
@@ -358,25 +352,30 @@ def _propose_camera(
     ----------
     diagnosis
         The survey under diagnosis.
-    unknowns
-        (P, q) directions of the interior orientation, each of the size of a prior sigma.
+    directions
+        Function from the camera to (P,) or (P, q) directions of its interior orientation, each of
+        the size of a prior sigma.
     describe
         Function from the survey and the result to the message.
     """
-    adjustment = diagnosis.adjustment
+    adjustment, stated = diagnosis.adjustment, diagnosis.survey.calibration
+    unknowns = directions(stated).reshape(len(stated.parameters), -1)
     if not adjustment.problem.layout.intrinsics or not unknowns.any(axis=0).all():
         return  # an exact camera, or a lens model without distortion
-    redundancy = sum(compute_redundancy(adjustment, name) for name in adjustment.minimum.blocks)
-    excess = adjustment.minimum.cost - redundancy
     yield Hypothesis(
         message=partial(describe, adjustment.survey),
         moved=(calibration_derivative(adjustment, unknowns),),
         checked=MIN_SHARE_OF_CAMERA,
-        promise=excess,
+        promise=adjustment.minimum.cost - _expect_squares(adjustment),
         settled=partial(_find_deviation, unknowns=unknowns),
         freed=partial(remove_camera_prior, unknowns),
         price=unknowns.shape[1] * GROSS_ERROR_LOG_ODDS,
     )
+
+
+def _expect_squares(adjustment: Adjustment) -> float:
+    """Return the expected sum of squares of an adjustment without mistakes."""
+    return sum(compute_redundancy(adjustment, name) for name in adjustment.minimum.blocks)
 
 
 def calibration_derivative(adjustment: Adjustment, unknowns: Floats) -> ObservationChange:

@@ -368,15 +368,13 @@ def _shows_the_ground(
     world = adjustment.state.point[label[known], :2]
     camera = survey.calibration
     ray = back_project(camera.model, camera.parameters, pixel[known])
-    pose = resect_from_plane(world, ray) if np.isfinite(ray).all() else None
+    pose = resect_from_plane(world, ray)
     if pose is None or pose[0][2] <= 0:
         return False
     # Residuals of the resection, by their median.
     off = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1) * camera.parameters[0]
-    if (
-        not np.median(np.nan_to_num(off, nan=np.inf) / survey.pick_sigma_px[picks[known]])
-        < AGREEMENT_SIGMAS
-    ):
+    off = np.nan_to_num(off, nan=np.inf) / survey.pick_sigma_px[picks[known]]
+    if not np.median(off) < AGREEMENT_SIGMAS:
         return False
     if survey.seeds is None:
         return True
