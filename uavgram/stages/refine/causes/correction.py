@@ -148,7 +148,7 @@ def readjust_corrected(
     if (
         (not is_suitable and (is_bent or is_far))
         or not present.minimum.converged
-        or _has_ties(selection)
+        or selection.survey.matches.points + selection.survey.ties.points
     ):
         return adjust_on_trial(taking, most)
     start = _initial_state(diagnosis, selection)
@@ -184,15 +184,12 @@ def readjust_corrected(
     return refined if minimum.converged or is_hopeless else adjust_on_trial(taking, most) or refined
 
 
-def _has_ties(selection: Selection) -> bool:
-    return bool(selection.survey.matches.points + selection.survey.ties.points)
-
-
 def _initial_state(diagnosis: Diagnosis, selection: Selection) -> State | None:
     """Return the present state for the frames and labels of a selection; None if not placed."""
     present, survey = diagnosis.adjustment, selection.survey
     state, ground = present.state, present.survey
-    frame = np.array([_row(ground.frame_id, name) for name in survey.frame_id], dtype=np.int64)
+    row = {name: k for k, name in enumerate(ground.frame_id)}
+    frame = np.array([row.get(name, -1) for name in survey.frame_id], dtype=np.int64)
     label = _former_labels(diagnosis, selection)
     point = state.point[label].copy()
     center, rotation = state.center[frame].copy(), state.rotation[frame].copy()
@@ -225,10 +222,6 @@ def _initial_state(diagnosis: Diagnosis, selection: Selection) -> State | None:
     turning = np.zeros((len(frame), state.turning.shape[1]))
     turning[frame >= 0] = state.turning[frame[frame >= 0]]
     return replace(state, point=point, center=center, rotation=rotation, turning=turning)
-
-
-def _row(names: tuple[str, ...], name: str) -> int:
-    return names.index(name) if name in names else -1
 
 
 def _former_labels(diagnosis: Diagnosis, selection: Selection) -> Ints:

@@ -96,11 +96,6 @@ def screen_hypotheses(
     return sorted(judged, key=lambda one: -one.odds)
 
 
-def _contradicting_picks(diagnosis: Diagnosis) -> frozenset[int]:
-    """Return picks that were left out because they contradict the rest."""
-    return frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
-
-
 def _judge(
     diagnosis: Diagnosis, hypothesis: Hypothesis, found: HypothesisTest | None
 ) -> JudgedHypothesis:
@@ -154,7 +149,7 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     mend = hypothesis.mend or SurveyCorrection()
     # A freed unknown may account for all left-out observations.
     lines_back = hypothesis.freed is not None or hypothesis.is_of_all
-    back = hypothesis.back | (_contradicting_picks(diagnosis) if lines_back else frozenset())
+    back = hypothesis.back | frozenset(np.flatnonzero(diagnosis.spoilt & lines_back).tolist())
     taking = correct_participants(diagnosis, mend, back, lines_back=lines_back)
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
