@@ -10,6 +10,7 @@ from uavgram.estimation.first_poses.resection import (
     Pose,
     find_second_pose,
     refine_pose,
+    resect_each,
     resect_from_plane,
 )
 from uavgram.model.arrays import Floats
@@ -72,3 +73,20 @@ def test_no_pose_below_the_ground_or_with_points_behind_it() -> None:
     direct = resect_from_plane(point, ray)
     assert direct is not None
     np.testing.assert_allclose(direct[0], center, atol=1e-6)
+
+
+def test_many_poses_at_once_are_those_of_each_one() -> None:
+    each = [made_up(seed, 20.0, 12.0) for seed in range(4)]
+    point = np.stack([point for _, point in each])
+    ray = np.stack([seen_by(*one) for one in each])
+    ray[1, 2] = np.nan  # beyond the lens
+    point[2] = np.outer(np.arange(5.0), [1.0, 2.0])  # in line
+    center, rotation = resect_each(point, ray)
+    for k, (pose, _) in enumerate(each):
+        alone = resect_from_plane(point[k], ray[k])
+        if k in (1, 2):
+            assert alone is None
+            assert np.isnan(center[k]).all()
+        else:
+            np.testing.assert_allclose(center[k], pose[0], atol=1e-6)
+            np.testing.assert_allclose(rotation[k], pose[1], atol=1e-7)
