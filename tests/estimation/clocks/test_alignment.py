@@ -62,11 +62,11 @@ def test_a_handful_of_pairs_is_never_certain() -> None:
 def test_few_photos_of_a_hovering_drone_find_their_offset(photos: int) -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        event = 100.0 + np.cumsum(rng.uniform(20.0, 30.0, photos))
+        event: Floats = 100.0 + np.cumsum(rng.uniform(20.0, 30.0, photos))
         result = align(event + 14.228, 0.001, event)
         assert result.unique, seed
         assert result.clock.offset_s == pytest.approx(14.228, abs=1e-3)
-        even = 100.0 + 25.0 * np.arange(photos)
+        even = 100.0 + 25.0 * np.arange(photos, dtype=float)
         assert not align(even + 14.228, 0.001, even).unique
 
 

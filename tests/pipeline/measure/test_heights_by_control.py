@@ -53,8 +53,9 @@ def test_ground_at_the_control_is_as_high_above_take_off_as_stated(
 
     assert posed.world.origin is not None
     assert posed.world.origin.height_m == pytest.approx(500.0 - ground_m)
-    center = posed.telemetry.poses.center_world_m
-    np.testing.assert_allclose(center[0, 2], ABOVE_TAKE_OFF_M, atol=1e-6)
+    assert posed.telemetry is not None
+    center_m = posed.telemetry.poses.center_world_m
+    np.testing.assert_allclose(center_m[0, 2], ABOVE_TAKE_OFF_M, atol=1e-6)
     (text,) = [one.text for one in posed.messages if one.code == "heights-by-control"]
     assert f"{500.0 - TAKE_OFF_M - ground_m:+.1f} m" in text
 

@@ -47,7 +47,7 @@ def is_moved(examined: TestedSurvey) -> Bools:
 
 
 def contradicts_result(
-    table: MeasurementResults, here: Adjustment, value: Sequence[float], there: Adjustment
+    table: MeasurementResults, here: Adjustment, value: Floats, there: Adjustment
 ) -> bool:
     """Return whether a solution without a mistake contradicts a value or a place of the result.
 
@@ -58,7 +58,7 @@ def contradicts_result(
     value, there
         Their values (M,) in the other solution, NaN for none; and its adjustment.
     """
-    away = np.abs(np.asarray(value) - table.value)
+    away = np.abs(value - table.value)
     if (away > RED_SIGMAS * table.sigma).any():  # False for NaN
         return True
     if here.survey.gauge == "plane":
