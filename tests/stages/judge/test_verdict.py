@@ -13,6 +13,7 @@ from whole_surveys import with_all
 
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.reliability.external import MAX_ERROR_SIGMAS, UNDETECTED_SIGMAS
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.selection import select_control
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Remedy
@@ -25,7 +26,7 @@ from uavgram.model.survey import Cause, Survey
 from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, compute_fit
 from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
-from uavgram.stages.judge.verdict import get_first_sentences, is_moved
+from uavgram.stages.judge.verdict import contradicts_result, get_first_sentences, is_moved
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.messages import order_messages
 from uavgram.stages.refine import refine
@@ -141,6 +142,32 @@ def test_lengths_that_were_left_out_bend_nothing(clean: Judged) -> None:
     # But a label at its end may be wrong instead.
     ends = replace(of("line-other-ends", "P0"), lengths=absent.lengths)
     assert clean.verdict(ends)[1] == ("doubtful", "ok")
+
+
+def test_a_mistake_that_moves_no_value_by_3_5_sigma_is_doubtful_and_not_red(clean: Judged) -> None:
+    found = replace(of("lengths-offset"), lengths=("L0", "L1"))
+    assert clean.verdict(found)[0].level == "red"
+    verdict, status = determine_verdict(
+        (found,), Fit(), clean.examined, clean.table, harmless=("lengths-offset",)
+    )
+    assert verdict.level == "amber"
+    assert verdict.reasons[0].cause == "lengths-offset"
+    assert status == ("doubtful", "doubtful")
+
+
+@pytest.mark.parametrize("sigmas", [3.0, 4.0])
+def test_values_and_places_without_a_mistake_contradict_the_result(
+    clean: Judged, sigmas: float
+) -> None:
+    here, table = clean.examined.adjustment, clean.table
+    value = table.value + sigmas * table.sigma * np.array([0.0, 1.0])
+    assert contradicts_result(table, here, value, here) == (sigmas > 3.5)
+    # A common shift changes no distance, but all places.
+    (_, covariance), state = here.points(), here.state
+    shift_m = sigmas * np.sqrt(covariance[:, 0, 0].min())
+    minimum = replace(here.minimum, state=replace(state, point=state.point + shift_m))
+    there = Adjustment(here.problem, minimum, here.covariance)
+    assert contradicts_result(table, here, table.value, there) == (sigmas > 3.5)
 
 
 @pytest.mark.parametrize("code", ["mount-turned", "photos-mirrored", "control-shifted"])

@@ -72,6 +72,19 @@ def test_control_points_that_are_all_shifted_are_named_with_their_shift(seed: in
     assert "control-shifted" not in codes_of(survey)
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_control_of_another_height_reference_is_not_shifted_in_plan(seed: int) -> None:
+    """In plan the log is off by its stated bias, as any receiver is."""
+    survey = make_scene(seed, frames=6, labels=14, control=5).survey
+    assert survey.telemetry is not None
+    east_m = float(survey.telemetry.position_bias_sigma_m[0])
+    shift = np.array([east_m, -east_m, 25.0])
+    shifted = replace(survey, control_world_m=survey.control_world_m + shift)
+    named = codes_of(shifted)
+    assert "heights-off" in named
+    assert not {"control-shifted", "control-left-out"} & set(named)
+
+
 def test_photos_that_were_all_mirrored_are_named_where_the_log_shows_it() -> None:
     survey = make_scene(4, frames=6, labels=14).survey
     wrong = messages_of(mirrored(survey))

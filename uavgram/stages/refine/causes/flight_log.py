@@ -108,13 +108,22 @@ def propose_shifted_control(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if prior is None or not len(adjustment.survey.control_label):
         return
     stated = float(np.exp(np.log(prior.position_bias_sigma_m).mean()))
+    blocks = (adjustment.minimum.blocks[kind] for kind in ("position_bias", "plane"))
     yield Hypothesis(
         message=partial(_control_message, adjustment.survey),
         moved=(prior_derivative(adjustment, kind="position_bias"),),
         settled=partial(_compute_deviation, kind="position_bias"),
-        freed=partial(_replace_prior, position_bias_sigma_m=np.full(3, SHIFT_SIGMA_M)),
+        freed=_free_places,
+        promise=float(sum(np.sum(one.residual**2) for one in blocks)),  # upper limit
         price=widening_price(3, USUAL_SHIFT_M, stated),
     )
+
+
+def _free_places(survey: Survey) -> Survey:
+    """Remove the priors of the log's common error, and of the ground's height above its home."""
+    grounds = tuple(replace(one, height_sigma_m=SHIFT_SIGMA_M) for one in survey.grounds)
+    freed = replace(survey, grounds=grounds)
+    return _replace_prior(freed, position_bias_sigma_m=np.full(3, SHIFT_SIGMA_M))
 
 
 def _control_message(survey: Survey, found: HypothesisTest | None) -> Message:
