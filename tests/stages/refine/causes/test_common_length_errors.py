@@ -11,10 +11,12 @@ from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.reliability.hypotheses import compare_hypotheses
+from uavgram.model.result.reliability import EstimatedSigma, Noise
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.causes.common_length_errors import (
     MIN_SHARE_IN_RESIDUALS,
     _list_common_errors,
+    drop_insignificant_errors,
     has_common_misfit,
 )
 from uavgram.stages.refine.causes.hypothesis import Diagnosis
@@ -69,6 +71,27 @@ def test_a_hook_is_told_with_its_size_and_sigma(
     if cause.mend is not None:
         right = [cause.mend.length_m[k] for k in range(9)]
         np.testing.assert_allclose(right, survey.length_m, atol=0.2 * abs(offset_m))
+
+
+@pytest.mark.parametrize("is_of_lengths", [True, False])
+def test_an_offset_that_the_noise_of_others_explains_is_dropped(
+    scene_factory: Callable[..., Scene], *, is_of_lengths: bool
+) -> None:
+    """An offset enlarges the noise of the lengths themselves, which therefore is no explanation."""
+    wrong = off_by(scene_factory(7, frames=4, ends=PAIRS).survey, 0.0, 0.2)
+    causes = identify_causes(diagnosis(wrong)).causes
+    assert causes[0].message.code == "lengths-offset"
+    factor = 20.0
+    if is_of_lengths:
+        noisy = replace(wrong, length_sigma_m=factor * wrong.length_sigma_m)
+        lengths = EstimatedSigma(stated_m=0.01, factor=factor, sigma=1.0)
+        noise = Noise(picks=(), roughness=(), lengths=lengths)
+    else:
+        noisy = replace(wrong, pick_sigma_px=factor * wrong.pick_sigma_px)
+        noise = Noise(picks=(), roughness=())
+    kept = drop_insignificant_errors(causes, diagnosis(noisy).adjustment, noise)
+    assert kept == (causes if is_of_lengths else causes[1:])
+    assert drop_insignificant_errors(causes, diagnosis(noisy).adjustment, None) == causes
 
 
 def test_an_offset_below_four_sigmas_is_not_told(scene_factory: Callable[..., Scene]) -> None:
