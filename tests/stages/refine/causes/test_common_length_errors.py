@@ -92,6 +92,8 @@ def test_an_offset_that_the_noise_of_others_explains_is_dropped(
     kept = drop_insignificant_errors(causes, diagnosis(noisy).adjustment, noise)
     assert kept == (causes if is_of_lengths else causes[1:])
     assert drop_insignificant_errors(causes, diagnosis(noisy).adjustment, None) == causes
+    without = scene_factory(7, frames=4, ends=()).survey
+    assert drop_insignificant_errors(causes, diagnosis(without).adjustment, noise) == causes
 
 
 def test_an_offset_below_four_sigmas_is_not_told(scene_factory: Callable[..., Scene]) -> None:

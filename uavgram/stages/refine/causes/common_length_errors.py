@@ -169,7 +169,8 @@ def drop_insignificant_errors(
     stated = readjust(adjustment, replace(survey, length_sigma_m=survey.length_sigma_m / factor))
     common = _list_common_errors(stated)
     tests = compare_hypotheses(stated, [one.moved for one in common], MIN_SHARE_IN_RESIDUALS)
-    if any(one.gain > REPORTED_SIGMAS**2 for one in tests):
+    # Lengths that were all left out take no part in the test.
+    if not common or any(one.gain > REPORTED_SIGMAS**2 for one in tests):
         return tuple(causes)
     return tuple(one for one in causes if one.message.code not in codes)
 
