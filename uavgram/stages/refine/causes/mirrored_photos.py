@@ -60,9 +60,7 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     )
     pixel = _mirror_pixels(survey)
     yield Hypothesis(
-        message=partial(_report_mirrored, witness="the control points fit")
-        if is_shown
-        else _report_mirrored,
+        message=partial(_report_mirrored, by_control=is_shown),
         mend=SurveyCorrection(
             pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}
         ),
@@ -194,10 +192,12 @@ def _mirror_pixels(survey: Survey) -> Floats:
     return pixel
 
 
-def _report_mirrored(_: HypothesisTest | None, witness: str = "the log fits") -> Message:
+def _report_mirrored(_: HypothesisTest | None, *, by_control: bool = False) -> Message:
+    witness = "the control points fit" if by_control else "the log fits"
+    other = " Or east and north of the control points are exchanged: look at their file."
     text = (
         f"All photos seem to have been mirrored when they were picked: {witness} only then. Pick "
         "them again in the original files, as the camera wrote them. Until then coordinates and "
-        "directions are mirrored."
+        f"directions are mirrored.{other if by_control else ''}"
     )
     return Message("warning", "photos-mirrored", text)
