@@ -107,9 +107,7 @@ def adjust_at_stated_noise(
     none = np.zeros(len(given.line_start), dtype=np.bool_)
     # Robust adjustment, then causes of the gross errors.
     taking = Participants(given, keep, none, reason)
-    # Mirrored picks contradict control so much that no robust adjustment is needed, nor of use.
-    plain = adjust_on_trial(taking, FULL) if shows_mirrored_control(given) else None
-    robust = adjust_robustly(taking) if plain is None else Robust(given, plain)
+    robust = _find_mirrored(taking) or adjust_robustly(taking)
     survey, refined, unseen = free_unchecked_heights(
         robust.survey, robust.refined, [*robust.labels, *shown]
     )
@@ -187,6 +185,19 @@ def adjust_at_stated_noise(
         (*left_out, *unseen),
         are_all_wrong=found.wrong.issuperset(refined.pick_index.tolist()),
     )
+
+
+def _find_mirrored(taking: Participants) -> Robust | None:
+    """Return the ordinary adjustment of photos that all fit control once they are mirrored back.
+
+    They contradict control so much that no robust adjustment is of use. None for other surveys.
+    """
+    plain = adjust_on_trial(taking, FULL) if shows_mirrored_control(taking.survey) else None
+    if plain is None:
+        return None
+    diagnosis = Diagnosis(find_participants(taking.survey, plain), plain)
+    found = identify_common_errors(diagnosis, [propose_all_mirrored])
+    return Robust(taking.survey, plain) if found.causes and found.fits else None
 
 
 def _forbids_use(message: Message, refined: Refined, given: Survey) -> bool:
@@ -267,7 +278,8 @@ def _find_errors_of_picks(
     numbers = robust.count_numbers() + _count_lost(taking, robust.refined)
     is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
     proposals: tuple[Proposal, ...] = ERRORS_OF_ONLY_PHOTO if is_alone else ()
-    is_mirrored = shows_mirrored_control(taking.survey)
+    named = {one.message.code for one in found.causes}
+    is_mirrored = "photos-mirrored" not in named and shows_mirrored_control(taking.survey)
     if is_mirrored:
         proposals += (propose_all_mirrored,)
     if robust.exchanged:
