@@ -110,20 +110,6 @@ def test_a_step_into_the_impossible_is_refused_and_a_shorter_one_taken() -> None
     assert found.state[0] == pytest.approx(1e-3, rel=1e-6)
 
 
-def test_a_step_like_a_refused_one_is_not_evaluated() -> None:
-    tried = []
-
-    def evaluate(x: Floats) -> dict[str, Block] | None:
-        tried.append(x[0])
-        return None if x[0] <= 0 else line(np.log(x[0]) - np.log(1e-3), 1 / x[0])
-
-    minimise(np.array([2.0]), evaluate, lambda x, step: x + step, 1)
-
-    refused = [x for x in tried if x <= 0]
-    assert len(refused) > 1
-    assert np.diff(refused).min() > 1e-7  # no damping of 2e-9 and 8e-9 after 1e-9
-
-
 def test_impossible_first_values_are_an_error() -> None:
     with pytest.raises(ValueError, match="first values"):
         minimise(np.zeros(1), lambda _: None, lambda x, step: x + step, 1)
