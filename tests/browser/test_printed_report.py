@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,10 +19,61 @@ from uavgram.views.report import render_report
 WIDTHS_PX = {"A4": 688, "Letter": 710}
 """Of the sheet between its margins of 14 mm, at 96 pixels to the inch."""
 
+HEIGHTS_PX = {"A4": 1001, "Letter": 934}
+"""Of the sheet between its margins of 16 mm."""
+
+ONE: tuple[synthetic_survey.Measure, ...] = (("skid left", "distance", ("P01", "P10"), "m"),)
+
 CUT_OFF = """() => [...document.querySelectorAll(".note, .note *, .beside > *")]
     .filter((one) => !one.closest("svg"))
     .filter((one) => one.getBoundingClientRect().right > document.body.clientWidth + 1)
     .map((one) => one.textContent.trim().slice(0, 80))"""
+
+
+DRAWN_SHARE = """() => {
+    const plan = document.querySelector("#plan svg");
+    return plan.getScreenCTM().a * plan.viewBox.baseVal.width / document.body.clientWidth;
+}"""
+"""Width of the drawing that a browser scales into its box, as a share of the page."""
+
+LONG = "x" * 200
+"""The longest label."""
+
+
+@pytest.mark.parametrize("paper", WIDTHS_PX)
+def test_the_drawing_is_as_wide_as_the_printed_page(paper: str, chromium: Browser) -> None:
+    page = chromium.new_page(viewport={"width": WIDTHS_PX[paper], "height": HEIGHTS_PX[paper]})
+    page.emulate_media(media="print")
+    page.set_content(render_report(synthetic_survey.build(measures=ONE)))
+    share, end = page.evaluate(DRAWN_SHARE), page.locator(".brief").bounding_box()
+    page.close()
+
+    assert share > 0.95
+    assert end is not None
+    assert end["y"] + end["height"] <= HEIGHTS_PX[paper] + 1
+
+
+@pytest.mark.parametrize("media", ["print", "screen"])
+def test_a_long_label_moves_no_column_beyond_the_margin(
+    media: Literal["print", "screen"], chromium: Browser
+) -> None:
+    made = synthetic_survey.build()
+    rows, lines = made.measurements, made.lines
+    result = replace(
+        made,
+        measurements=replace(rows, points=((LONG, LONG), *rows.points[1:])),
+        lines=replace(lines, start=(LONG, *lines.start[1:])),
+    )
+    page = chromium.new_page(viewport={"width": WIDTHS_PX["A4"], "height": 900})
+    page.emulate_media(media=media)
+    page.set_content(render_report(result))
+    ends = page.locator("td").evaluate_all(
+        "all => all.map((one) => [one.getBoundingClientRect().right, one.textContent])"
+    )
+    page.close()
+
+    assert any(LONG in words for _, words in ends)
+    assert [words for right, words in ends if right > WIDTHS_PX["A4"] + 1] == []
 
 
 @pytest.mark.parametrize("paper", WIDTHS_PX)

@@ -31,6 +31,7 @@ from uavgram.views.units import (
     convert_sentence,
     format_feet_inches,
     format_quantity,
+    format_reading,
     format_sigma,
     format_value,
     format_values,
@@ -54,6 +55,24 @@ def test_numbers_are_written_as_the_page_writes_them(units: str) -> None:
     ]
 
     assert told == [case[units] for case in CASES["quantities"]]
+
+
+@pytest.mark.parametrize(
+    ("length_m", "units", "shown"),
+    [
+        (2.925, METRIC, "2.925 m"),
+        (8.875, METRIC, "8.875 m"),
+        (34.0, METRIC, "34.00 m"),
+        (10.5 * 0.3048, FEET, "10.50 ft"),
+        (43.235 * 0.3048, FEET, "43.235 ft"),
+        (10.3 * 0.3048, METRIC, "3.14 m"),  # read in feet
+        (3.2004, IMPERIAL, "10 ft 6 in"),
+    ],
+)
+def test_a_reading_of_the_tape_is_shown_as_it_was_read(
+    length_m: float, units: Units, shown: str
+) -> None:
+    assert format_reading(length_m, units) == shown
 
 
 @given(

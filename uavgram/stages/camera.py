@@ -139,8 +139,8 @@ def _report_unknown_camera(tags: CameraTags, source: _Source, why: str) -> Messa
         f"± {_corner_sigma_px(tags, source):.0f} px at the corners of a photo. A length from one "
         f"photo alone is as uncertain, ± {100 * errors.focal:.0f} %. The ± of each measurement "
         "includes this, but for a telephoto, zoom or fisheye lens the numbers are wrong. Tape six "
-        "lengths or more. To do better, photograph a chessboard 15 times with this camera, then "
-        "`uavgram calibrate`."
+        "lengths or more. To do better, photograph a chessboard 15 times with this camera, and "
+        "calibrate it from these photos."
     )
     return Message("warning", UNKNOWN_CAMERA, text)
 

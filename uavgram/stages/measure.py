@@ -161,12 +161,12 @@ def _dense(jacobian: Floats, columns: Ints, unknowns: Ints) -> Floats:
     return dense
 
 
-MAX_SIGMA_DIFFERENCE = 0.05
+MAX_SIGMA_DIFFERENCE = 0.1
 """Relative difference of second- and first-order sigma above which first order is insufficient."""
 
-MAX_BIAS_SIGMAS = 0.2
+MAX_BIAS_SIGMAS = 0.5
 """Second-order bias, in sigmas, above which first order is insufficient: a 95 % interval about the
-value then holds the truth in 94.5 % of cases, but misses it twice as often on one side."""
+value then holds the truth in 92 % of cases."""
 
 
 def check_second_order(
@@ -213,10 +213,11 @@ def describe_approximation(stated: float, sigma: float, bias: float, unit: str) 
         Unit of all three.
     """
     side = "large" if bias > 0 else "small"
-    return (
-        f"± {format_digits(sigma)} {unit} is more realistic than ± {format_digits(stated)} {unit}, "
-        f"and the value tends to be {format_digits(abs(bias))} {unit} too {side}"
-    )
+    value = f"the value tends to be {format_digits(abs(bias))} {unit} too {side}"
+    better, ordinary = format_digits(sigma), format_digits(stated)
+    if better == ordinary:
+        return value
+    return f"± {better} {unit} is more realistic than ± {ordinary} {unit}, and {value}"
 
 
 def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> Message:
@@ -227,13 +228,13 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
         why = "with readings that are slightly different there is no solution"
     text = (
         f"The ± of {results.name[i]!r} is approximate, as the survey is weak: {why}. Tape more "
-        "lengths, or run again with --monte-carlo for the exact interval."
+        "lengths."
     )
     several = MessagePlural(
         "The ± of {count} measurements are approximate, as the survey is weak",
         repr(results.name[i]),
         why,
-        "Tape more lengths, or run again with --monte-carlo for the exact intervals.",
+        "Tape more lengths.",
     )
     return Message(
         "warning",

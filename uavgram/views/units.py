@@ -271,6 +271,23 @@ def format_length(
     return _one_by_one([_ExactNumber(text, value)], [], unit, units)
 
 
+def format_reading(length_m: float, units: Units) -> str:
+    """Format the reading of a tape with all its decimals, at least two: ``2.925 m``.
+
+    Parameters
+    ----------
+    length_m
+        The reading.
+    units
+        Units in which it is shown.
+    """
+    one = table_unit(units)
+    decimals_read = len(f"{length_m * one.factor:.8g}".partition(".")[2])
+    if units.length == "ft-in" or decimals_read > one.most:  # read in another unit
+        return format_length(length_m, units)
+    return f"{format_fixed(length_m * one.factor, max(decimals_read, one.least))} {one.symbol}"
+
+
 def round_bar(most_m: float, units: Units) -> tuple[float, str]:
     """Choose a scale bar: length [m], a round number of metres or feet, and its text.
 

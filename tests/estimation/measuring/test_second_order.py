@@ -20,8 +20,8 @@ from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.stages.measure import (
-    MAX_SIGMA_DIFFERENCE,
     check_second_order,
+    describe_approximation,
     measurement_results,
     sample_observations,
 )
@@ -86,7 +86,7 @@ def test_heights_over_the_ground_are_as_uncertain_as_to_first_order() -> None:
     survey = with_third_coordinates(scene, free=(0, 7), stated={3: 0.1}).survey
     heights = [MeasurementRequest(name=p, kind="height", points=(p,)) for p in ("P0", "P3", "P7")]
     found = compared(survey, tuple(heights))
-    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=MAX_SIGMA_DIFFERENCE)
+    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=0.05)
 
 
 def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says() -> None:
@@ -94,7 +94,7 @@ def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says
     scene = make_scene(3, ends=PAIRS, tilt=0.4, **ALONE)
     survey = scene.survey
     pixel = np.array(survey.pixel_px)
-    pixel[1] = pixel[0] + [1.5, 0.0]
+    pixel[1] = pixel[0] + [0.6, 0.0]
     changed = scene_with(survey, pixel, keep=(2, 3, 4, 5))
     found = compared(changed, (distance("P0", "P1"),), 300)
     assert found.second.off[0]
@@ -102,6 +102,32 @@ def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says
     bias = found.sampled.mean - found.first.value
     assert found.second.bias[0] == pytest.approx(bias[0], rel=0.35)
     assert found.second.bias[0] > 0.2 * found.first.sigma[0]
+
+
+def test_a_sigma_that_is_as_good_is_not_called_more_realistic() -> None:
+    assert describe_approximation(0.0181, 0.0184, 0.011, "m") == (
+        "the value tends to be 0.011 m too large"
+    )
+    assert describe_approximation(0.2, 0.3, -0.1, "m") == (
+        "± 0.3 m is more realistic than ± 0.2 m, and the value tends to be 0.1 m too small"
+    )
+
+
+@pytest.mark.parametrize(
+    ("sigma", "bias", "count"), [(1.09, 0.49, 0), (0.91, -0.49, 0), (1.11, 0.0, 1), (1.0, -0.51, 1)]
+)
+def test_differences_that_matter_to_nobody_are_not_reported(
+    sigma: float, bias: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = make_scene(3, ends=PAIRS, tilt=0.4, **ALONE)
+    found = compared(scene.survey, (distance("P0", "P1"),), 2)
+    first = found.first.sigma
+    terms = SimpleNamespace(sigma=sigma * first, bias=bias * first, curvature=0.0 * first)
+    monkeypatch.setattr("uavgram.stages.measure.compute_curvature", lambda *_: terms)
+
+    again = compared(scene.survey, (distance("P0", "P1"),), 2)
+
+    assert again.second.off.sum() == len(again.messages) == count
 
 
 def scene_with(survey: Survey, pixel: Floats, keep: tuple[int, ...]) -> Survey:

@@ -12,6 +12,8 @@ import uavgram
 from uavgram.picking.protocol.encode_quantities import word_for_page
 from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
 
+IN_SET_UP = ": in the set-up of the folder; under Camera, 'Change camera, mount, tape or case'.)"
+
 
 @pytest.mark.parametrize(
     ("message", "on_page"),
@@ -28,8 +30,7 @@ from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
         ),
         (
             "State the camera's direction in `mount`. Tape L1 again.",
-            "State the camera's direction in `mount`. Tape L1 again. (mount: in the set-up of the "
-            "folder; under Camera, 'Change camera, mount, tape or case'.)",
+            f"State the camera's direction in the mount. Tape L1 again. (the mount{IN_SET_UP}",
         ),
         (
             "set time.offset_s (camera clock minus UTC), or `ties: auto`, which finds it",
@@ -44,13 +45,21 @@ from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
         ),
         (
             "If you know the tilt, set `mount.pitch_deg`.",
-            "If you know the tilt, set `mount.pitch_deg`. (mount.pitch_deg: in the set-up of the "
-            "folder; under Camera, 'Change camera, mount, tape or case'.)",
+            "If you know the tilt, set the angle below the horizon. (the angle below the horizon"
+            f"{IN_SET_UP}",
         ),
         (
             "All photos are turned by +180 degrees (mount.roll_deg).",
-            "All photos are turned by +180 degrees (mount.roll_deg). (mount.roll_deg: in the "
-            "set-up of the folder; under Camera, 'Change camera, mount, tape or case'.)",
+            "All photos are turned by +180 degrees (the tilt about the line of sight). (the tilt "
+            f"about the line of sight{IN_SET_UP}",
+        ),
+        (
+            "If you are not sure, write `auto` into `mount`.",
+            f"If you are not sure, choose 'As recorded' for the mount. (the mount{IN_SET_UP}",
+        ),
+        (
+            "Go on, or write `camera: unknown` in the project.",
+            f"Go on, or write `camera: unknown` in the project. (the camera{IN_SET_UP}",
         ),
         ("`picks.csv` and `control.csv` hold them.", "`picks.csv` and `control.csv` hold them."),
         (
@@ -65,8 +74,7 @@ from uavgram.picking.protocol.ways_on_page import WAYS, name_on_page
         ),
         (
             "Name the flight's log (`log:`), if there is one.",
-            "Name the flight's log (`log:`), if there is one. (log: in the set-up of the folder; "
-            "under Camera, 'Change camera, mount, tape or case'.)",
+            f"Name the flight's log (the log), if there is one. (the log{IN_SET_UP}",
         ),
     ],
 )

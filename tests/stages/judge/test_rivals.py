@@ -8,6 +8,7 @@ from typing import cast
 import pytest
 
 from uavgram.estimation.survey.adjustment import Reading, Refined, Rival
+from uavgram.model.message import Message
 from uavgram.stages.judge import suspects
 
 
@@ -34,3 +35,22 @@ def test_readings_that_are_wrong_only_together_are_one_choice_of_the_sentence(
         "length 'D2', the length 'D3' and the length 'D1' (all of them). All the rest fits"
     )
     assert "together with" not in message.text
+    assert message.plain == ""
+
+
+@pytest.mark.parametrize(("mounts", "plain"), [(0, "L4 does not fit."), (1, "")])
+def test_a_length_that_is_named_alone_is_not_one_of_several(
+    mounts: int, plain: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refined = SimpleNamespace(
+        settled=frozenset(),
+        contested=(_length("L4"),),
+        left_out=(_length("L4"),),
+        rivals=(),
+        possible=(Message("warning", "labels-swapped", "The labels 'P8' and 'P11' seem swapped."),),
+        adjustment=None,
+    )
+    monkeypatch.setattr(suspects, "is_mount_open", lambda _: mounts > 0)
+    (message,) = suspects.judge_rivals(cast("Refined", refined))
+
+    assert message.plain == plain

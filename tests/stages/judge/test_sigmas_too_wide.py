@@ -35,7 +35,7 @@ def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
 
     assert message.text == (
         "2 kinds of observations do not fit as well as their stated errors promise: picks: look at "
-        "their labels and their stated error, `picks_sigma_px` (their errors are 1.7 times "
+        "their labels, and their stated error (their errors are 1.7 times "
         "as large as stated; chance alone does this less than 1 in a million times); known "
         "lengths: look at their readings and stated errors (their errors are 1.4 times as large as "
         "stated; chance alone does this 1 in 10000 times). Until this is cleared up, the "

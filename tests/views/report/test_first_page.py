@@ -92,6 +92,15 @@ def test_without_a_check_it_says_so() -> None:
     )
 
     assert any("was withheld" in text for text in lay_out_brief(no_points).limits)
+    rows = survey.build().measurements
+    in_order = replace(
+        survey.build(),
+        measurements=replace(rows, status=("ok",) * len(rows.name)),
+        line_checks=nothing.line_checks,
+        point_checks=no_points.point_checks,
+    )
+    words = "The observations check one another by their agreement. No length and no point was"
+    assert any(text.startswith(words) for text in lay_out_brief(in_order).limits)
     assert any(
         "within three times their uncertainty" in text
         for text in lay_out_brief(survey.build()).limits

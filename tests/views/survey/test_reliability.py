@@ -112,8 +112,8 @@ def test_the_report_says_what_could_be_wrong_unseen() -> None:
     assert "+0.042" in page
     assert "IMG_&lt;7&gt;.jpg" in page
     assert "4.31 °" in page
-    assert "± 0.377 is more realistic than ±" in page
-    assert "tends to be off by +0.125" in page
+    assert "± 0.38 m is more realistic than ±" in page
+    assert "the value tends to be 0.12 m too large" in page
     assert "1. The length 'north' (w = -25.9); variance factor 9.12 before, 1.03 after." in page
     assert "No test can distinguish it from: pick of 'Q' in 'b.jpg'." in page
     assert "It could also have been: length 'east'." in page

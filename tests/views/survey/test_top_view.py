@@ -125,6 +125,14 @@ def test_lines_and_measurements_are_named(name: str) -> None:
     assert name in [text.text for text in drawing(survey.build()).drawing.texts]
 
 
+def test_a_known_length_has_all_decimals_of_its_tape() -> None:
+    result = survey.build()
+    length_m = np.array([2.925, *result.lines.length_m[1:]])
+    told = drawing(replace(result, lines=replace(result.lines, length_m=length_m)))
+
+    assert f"{result.lines.name[0]}: 2.925 m" in [text.text for text in told.drawing.texts]
+
+
 def test_no_text_is_cut_off_or_covers_another() -> None:
     labels = [f"P{i:02d}" for i in range(30)]
     measures: tuple[survey.Measure, ...] = tuple(

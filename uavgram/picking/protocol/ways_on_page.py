@@ -46,7 +46,7 @@ WAYS = tuple(
             r"write `free` as (?:the )?height_m of (its|their) picks(?:, or the heights?)?",
             r"let \1 height be found from the photos (key Q), or enter it",
         ),
-        (r"write `auto` into `mount`", "choose 'As recorded' as the `mount`"),
+        (r"write `auto` into `mount`", "choose 'As recorded' for `mount`"),
     )
 )
 """Commands, options and cells of tables in the words of messages, and the same on the page."""
@@ -64,18 +64,18 @@ _ANY = re.compile(rf"`|--[a-z]|[a-z]_[a-z]|\b(?:{'|'.join(_SECTIONS)})\.[a-z]")
 """A command, an option or a setting, quickly: most sentences name none."""
 
 _IN_SET_UP = {
-    "camera",
-    "log",
-    "mount",
-    "mount.gimbal",
-    "mount.pitch_deg",
-    "mount.yaw_deg",
-    "mount.roll_deg",
-    "tape.reading_sigma_m",
-    "units",
-    "case",
+    "camera": "the camera",
+    "log": "the log",
+    "mount": "the mount",
+    "mount.gimbal": "the gimbal",
+    "mount.pitch_deg": "the angle below the horizon",
+    "mount.yaw_deg": "the turn from the nose",
+    "mount.roll_deg": "the tilt about the line of sight",
+    "tape.reading_sigma_m": "the ± of a reading of the tape",
+    "units": "the units",
+    "case": "the case",
 }
-"""Settings that the set-up of a folder asks for."""
+"""Settings that the set-up of a folder asks for, by their names there."""
 
 
 def name_on_page(sentence: str) -> str:
@@ -97,9 +97,16 @@ def name_on_page(sentence: str) -> str:
     for pattern, way in WAYS:
         sentence = pattern.sub(way, sentence)
     notes = " ".join(_notes(sentence))
+    sentence = _SETTING.sub(_name_setting, sentence)
     if not notes:
         return sentence
     return f"{sentence}{'' if sentence.endswith(('.', '?', '!')) else '.'} {notes}"
+
+
+def _name_setting(found: re.Match[str]) -> str:
+    """Return the name that the set-up has for a setting; one with a value stays as it is."""
+    has_value = ": " in found[0]
+    return found[0] if has_value else _IN_SET_UP.get(found["quoted"] or found["plain"], found[0])
 
 
 def find_set_up(sentence: str) -> list[str]:
@@ -116,8 +123,8 @@ def _notes(sentence: str) -> Iterator[str]:
     named = _find_settings(sentence)
     if here := find_set_up(sentence):
         yield (
-            f"({join_names(here)}: in the set-up of the folder; under Camera, 'Change camera, "
-            "mount, tape or case'.)"
+            f"({join_names(map(_IN_SET_UP.__getitem__, here))}: in the set-up of the folder; under "
+            "Camera, 'Change camera, mount, tape or case'.)"
         )
     if "leave_out" in named:
         yield "(leave_out: by the buttons in the list of photos.)"

@@ -79,6 +79,7 @@ def judge_rivals(refined: Refined) -> Iterator[Message]:
     # What a click spoils is at its point; what a reading between points spoils, at each of these.
     labels = [label for one in clicks or every for label in one.labels]
     lengths = [one.name for one in every if one.kind == "lengths"]
+    plain = f"{lengths[0]} does not fit." if len(suspects) == len(lengths) == 1 else ""
     yield Message(
         "warning",
         "blunder-not-located",
@@ -87,6 +88,7 @@ def judge_rivals(refined: Refined) -> Iterator[Message]:
         frames=_merge([one.frames for one in every], [one.frames for one in others]),
         labels=_merge([labels], [one.labels for one in others]),
         lengths=_merge([lengths], [one.lengths for one in others]),
+        plain=plain,
         instead=tuple(one for one in read_first(map(_remove, every)) if one is not None),
     )
 

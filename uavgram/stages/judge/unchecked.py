@@ -159,7 +159,7 @@ def _report_unknown(measured: MeasuredValues, moved: Collection[str]) -> Iterato
     )
     text = (
         f"Nothing is known of {join_names(values, MAX_NAMED)}: any value down to zero would fit as "
-        "well. Check the stated errors of picks (`picks_sigma_px`) and lengths; if they are right, "
+        "well. Check the stated errors of picks and lengths; if they are right, "
         "pick in more photos or tape more lengths."
     )
     names = tuple(measured.name[i] for i in rows)

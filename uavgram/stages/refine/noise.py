@@ -572,9 +572,9 @@ def _report_ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
         "correlated": "in smooth rises and hollows",
     }[area.shape]
     text = (
-        f"{where} is not a plane: its points are about {_length_text(size)} off it, {shape}; the "
-        "drawing in the report shows where. The uncertainties contain that. Where they must be "
-        "smaller: pick the points in more photos, or give other ground an area of its own."
+        f"{where} is not a plane: its points are about {_length_text(size)} off it, {shape}. "
+        "The uncertainties contain that. Where they must be smaller: pick the points in more "
+        "photos, or give other ground an area of its own."
     )
     yield Message("warning", "ground-not-plane", text)
 

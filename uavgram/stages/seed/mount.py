@@ -74,7 +74,7 @@ def report_stated_mount(
     text = (
         "The camera is taken to look as the angles under `mount` in the project state. The "
         f"gimbal's own angles ({source}), up to {turns_deg.max():.1f} degrees apart, were not "
-        "used: write `auto` in place of the stated angles to use them."
+        "used: to use them, write `auto` into `mount`."
     )
     if contradicts:
         text = (

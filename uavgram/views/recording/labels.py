@@ -28,7 +28,7 @@ from uavgram.views.survey.heights import height_label
 from uavgram.views.survey.key_facts import least_certain_length
 from uavgram.views.survey.outlines import longest_middle
 from uavgram.views.survey.verdict import STATUS_WORDS, status_text
-from uavgram.views.units import format_length, units_of
+from uavgram.views.units import format_length, format_reading, units_of
 
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
 """Half the width of a letter on a usual screen, and the height of a line, in views of space.
@@ -199,7 +199,7 @@ def reference_text(result: Result, row: int) -> str:
     lines = result.lines
     units = units_of(result)
     length_m, adjusted_m = float(lines.length_m[row]), float(lines.adjusted_m[row])
-    taped = f"{lines.name[row]}: {format_length(length_m, units)}"
+    taped = f"{lines.name[row]}: {format_reading(length_m, units)}"
     if lines.status[row] in ("suspect", "removed"):
         found = format_length(adjusted_m, units)
         return f"{lines.status[row].upper()} {taped} taped, {found} found"

@@ -135,7 +135,7 @@ def _limits(result: Result) -> list[str]:
     ]
     checks = checks_summary(result)
     if checks is None:
-        none = "No length and no point was withheld for a comparison with the result"
-        alone = ": the only check is the agreement of the observations with one another"
-        return [*sentences, f"{none}{alone if 'ok' in rows.status else ''}."]
+        agree = "The observations check one another by their agreement. "
+        none = "No length and no point was withheld for a comparison with the result."
+        return [*sentences, f"{agree if 'ok' in rows.status else ''}{none}"]
     return [*sentences, f"Of the lengths and points that were withheld as checks, {checks.inside}"]

@@ -13,6 +13,7 @@ from uavgram.model.naming import format_count, format_digits, join_names
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
+from uavgram.stages.measure import describe_approximation
 from uavgram.views.formatting import UNIT_WORDS, chance, number, order_computed_first
 from uavgram.views.tables import Cell, Row, Table, make_table
 from uavgram.views.units import format_sigma, units_of
@@ -185,9 +186,14 @@ def second_order_rows(result: Result) -> list[str]:
     if second is None:
         return []
     return [
-        f"{rows.name[i]}: ± {number(second.sigma[i])} is more realistic than "
-        f"± {number(rows.sigma[i])} {UNIT_WORDS.get(rows.unit[i], rows.unit[i])}, and the value "
-        f"tends to be off by {number(second.bias[i], signed=True)}."
+        f"{rows.name[i]}: "
+        + describe_approximation(
+            float(rows.sigma[i]),
+            float(second.sigma[i]),
+            float(second.bias[i]),
+            UNIT_WORDS.get(rows.unit[i], rows.unit[i]),
+        )
+        + "."
         for i in np.flatnonzero(second.off)
     ]
 

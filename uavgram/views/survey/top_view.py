@@ -30,7 +30,7 @@ from uavgram.views.survey.heights import Departures, collect_departures
 from uavgram.views.survey.outlines import nice_factor
 from uavgram.views.survey.sheet import MAX_HEIGHT, WIDTH, Sheet, draw_frame, lay_sheet
 from uavgram.views.survey.text_placement import TextRequest, box, half_size
-from uavgram.views.units import INCH_M, format_length, format_value, units_of
+from uavgram.views.units import INCH_M, format_reading, format_value, units_of
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MAX_ROOM = 0.3
@@ -471,10 +471,7 @@ def survey_texts(
         ink = LOOKS["measured_lines"].colour
         texts.append(_along(drawing, strip, text, "measured", ink, where, is_needed=k < needed))
     for i, strip in reference_strips(result).items():
-        length_m = float(result.lines.length_m[i])
-        length = format_length(length_m, units)
-        if is_full:
-            length = format_value(length_m, float(result.lines.sigma_m[i]), "m", units)
+        length = format_reading(float(result.lines.length_m[i]), units)
         ink = LOOKS["known_lengths"].colour_of(result.lines.status[i])
         text = f"{result.lines.name[i]}: {length}"
         texts.append(_along(drawing, sheet(strip), text, "known", ink, where))

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from itertools import product
-from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.model.arrays import Bools
 from uavgram.model.naming import format_count, join_names
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.result.tables import LineResults, MeasurementResults
 from uavgram.views.formatting import NOT_COMPUTED, format_with_sigma
 
 # The usual limit in surveying for a check.
@@ -44,7 +45,7 @@ STATUS_WORDS: dict[MeasurementStatus, str] = {
 
 def status_text(rows: MeasurementResults, row: int) -> str:
     """Return how far a measurement can be trusted, or that it was not computed."""
-    return STATUS_WORDS[rows.status[row]] if isfinite(rows.value[row]) else NOT_COMPUTED
+    return STATUS_WORDS[rows.status[row]] if math.isfinite(rows.value[row]) else NOT_COMPUTED
 
 
 class VerdictWords(NamedTuple):
@@ -136,22 +137,30 @@ def _known(result: Result) -> str:
 
 
 def describe_undetectable(result: Result) -> str:
-    """Return a sentence on lengths in which a misread tape would not show; empty without one."""
+    """Return sentences on lengths in which a misread tape would not show; empty without one."""
     lines = result.lines
-    weak = [
-        name
-        for name, status, mdb_m in zip(lines.name, lines.status, lines.mdb_m.tolist(), strict=True)
-        if status == "used" and not mdb_m <= READING_ERROR_M
-    ]
-    if not weak:
-        return ""
-    names = join_names(weak, MAX_NAMED)
-    it = "them" if len(weak) > 1 else "it"
+    used = np.array(lines.status, dtype=str) == "used"
+    weak = used & ~(lines.mdb_m <= READING_ERROR_M)
+    bounded = weak & (lines.mdb_m < lines.length_m)
+    sentences = []
+    if bounded.any():
+        size_m = math.ceil(100 * lines.mdb_m[bounded].max()) / 100
+        sentences.append(
+            f"A mistake in reading the tape at {_name_lengths(lines, bounded)} would be noticed "
+            f"only if it is larger than {size_m:.2f} m."
+        )
+    if (hidden := weak & ~bounded).any():
+        sentences.append(
+            f"Nothing checks how the tape was read at {_name_lengths(lines, hidden)}; a "
+            "measurement that depends on it is shown as not checked."
+        )
     return (
-        f"Nothing checks how the tape was read at {names}: a mistake of 0.10 m there would not be "
-        f"noticed. (The accuracy of each value is its ±.) To check {it}, tape one more length "
-        "nearby."
+        " ".join([*sentences, "To check more, tape one more length nearby."]) if sentences else ""
     )
+
+
+def _name_lengths(lines: LineResults, chosen: Bools) -> str:
+    return join_names(np.array(lines.name)[chosen].tolist(), MAX_NAMED)
 
 
 def list_named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:

@@ -137,7 +137,7 @@ class Pixels(Observation):
         rank=3,
         units=("px", "px"),
         plural="picks",
-        check="their labels and their stated error, `picks_sigma_px`",
+        check="their labels, and their stated error",
         misfit_code="pick-suspect",
         advice="Look at their places and at their labels.",
         is_core=True,
