@@ -81,7 +81,7 @@ def test_a_flight_with_lengths_is_measured_within_its_sigmas_and_learns_the_came
     write_results(result, file)
     said = [m["text"] for m in json.loads(file.read_text())["messages"]]
     (text,) = [text for text in said if text.startswith("Nothing is known of this camera")]
-    assert "uavgram calibrate" in text
+    assert "calibrate it from these photos" in text
     assert "Nothing is known of this camera" in render_annex(result)
 
 

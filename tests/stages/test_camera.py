@@ -183,7 +183,7 @@ def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> No
     assert (message.level, message.code) == ("warning", "camera-unknown")
     assert "does not name its camera" in message.text
     assert f"{camera.parameters[0]:.0f} ± {sigma_of(camera)[0]:.0f} px (20 %)" in message.text
-    assert "`uavgram calibrate`" in message.text
+    assert "calibrate it from these photos" in message.text
 
 
 def test_what_an_ordinary_camera_is_comes_from_cameras_of_the_table() -> None:

@@ -212,6 +212,8 @@ def describe_approximation(stated: float, sigma: float, bias: float, unit: str) 
     unit
         Unit of all three.
     """
+    if not np.isfinite(sigma):
+        return "with readings that are slightly different there is no solution"
     side = "large" if bias > 0 else "small"
     value = f"the value tends to be {format_digits(abs(bias))} {unit} too {side}"
     better, ordinary = format_digits(sigma), format_digits(stated)
@@ -222,10 +224,7 @@ def describe_approximation(stated: float, sigma: float, bias: float, unit: str) 
 
 def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> Message:
     unit = results.unit[i]
-    if np.isfinite(sigma):
-        why = describe_approximation(results.sigma[i], sigma, bias, unit)
-    else:
-        why = "with readings that are slightly different there is no solution"
+    why = describe_approximation(results.sigma[i], sigma, bias, unit)
     text = (
         f"The ± of {results.name[i]!r} is approximate, as the survey is weak: {why}. Tape more "
         "lengths."

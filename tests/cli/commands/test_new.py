@@ -144,7 +144,7 @@ def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calib
     assert "camera: unknown, so an ordinary drone camera" in said
     assert said.count("Nothing is known of this camera") == 1
     assert "does not name its camera" in said
-    assert "`uavgram calibrate`" in said
+    assert "calibrate it from these photos" in said
     project = folder / "project.yaml"
     assert f"Next: uavgram pick {project}" in said
     assert load_project(project).camera == "unknown"

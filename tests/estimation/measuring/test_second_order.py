@@ -108,6 +108,7 @@ def test_a_sigma_that_is_as_good_is_not_called_more_realistic() -> None:
     assert describe_approximation(0.0181, 0.0184, 0.011, "m") == (
         "the value tends to be 0.011 m too large"
     )
+    assert "there is no solution" in describe_approximation(0.2, np.nan, np.nan, "m")
     assert describe_approximation(0.2, 0.3, -0.1, "m") == (
         "± 0.3 m is more realistic than ± 0.2 m, and the value tends to be 0.1 m too small"
     )

@@ -93,9 +93,10 @@ def test_without_a_check_it_says_so() -> None:
 
     assert any("was withheld" in text for text in lay_out_brief(no_points).limits)
     rows = survey.build().measurements
+    ok: MeasurementStatus = "ok"
     in_order = replace(
         survey.build(),
-        measurements=replace(rows, status=("ok",) * len(rows.name)),
+        measurements=replace(rows, status=(ok,) * len(rows.name)),
         line_checks=nothing.line_checks,
         point_checks=no_points.point_checks,
     )

@@ -33,6 +33,7 @@ WAYS = tuple(
             "Delete the pick there, and accept a new proposal",
         ),
         (r"(?:run )?`uavgram calibrate[^`]*`", "use 'Calibrate on a folder', under Camera"),
+        (r"calibrate it from these photos", "use 'Calibrate on a folder', under Camera"),
         (r" \(--outliers remove\)", " (move its file away)"),
         (
             r"write `leave_out: [^`]*` into \S+ to go on without (it|them)",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from itertools import product
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +45,7 @@ STATUS_WORDS: dict[MeasurementStatus, str] = {
 
 def status_text(rows: MeasurementResults, row: int) -> str:
     """Return how far a measurement can be trusted, or that it was not computed."""
-    return STATUS_WORDS[rows.status[row]] if math.isfinite(rows.value[row]) else NOT_COMPUTED
+    return STATUS_WORDS[rows.status[row]] if isfinite(rows.value[row]) else NOT_COMPUTED
 
 
 class VerdictWords(NamedTuple):
@@ -144,10 +144,9 @@ def describe_undetectable(result: Result) -> str:
     bounded = weak & (lines.mdb_m < lines.length_m)
     sentences = []
     if bounded.any():
-        size_m = math.ceil(100 * lines.mdb_m[bounded].max()) / 100
         sentences.append(
             f"A mistake in reading the tape at {_name_lengths(lines, bounded)} would be noticed "
-            f"only if it is larger than {size_m:.2f} m."
+            f"only if it is larger than {lines.mdb_m[bounded].max():.2f} m."
         )
     if (hidden := weak & ~bounded).any():
         sentences.append(
