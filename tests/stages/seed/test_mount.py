@@ -28,10 +28,10 @@ def mounted(survey: Survey, axis: str, degrees: float) -> Survey:
 @pytest.mark.parametrize(
     ("axis", "degrees", "said"),
     [
-        ("z", 180, "180 degrees about the optical axis"),
+        ("z", 180, "180 degrees about the optical axis (roll)."),
         ("z", 90, "-90 degrees about the optical axis"),
         ("z", -90, "+90 degrees about the optical axis"),
-        ("x", 90, "-90 degrees up or down"),
+        ("x", 90, "-90 degrees up or down (pitch)."),
         ("x", -90, "+90 degrees up or down"),
     ],
 )

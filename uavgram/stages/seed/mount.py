@@ -125,8 +125,8 @@ def find_turned_mount(survey: Survey) -> Message | None:
     if not turned[best] < MAX_SCATTER_RATIO * stated:
         return None
     tilt, turn = best
-    how = [f"{turn:+d} degrees about the optical axis (mount.roll_deg)"] if turn else []
-    how += [f"{tilt:+d} degrees up or down (mount.pitch_deg)"] if tilt else []
+    how = [f"{turn:+d} degrees about the optical axis (roll)"] if turn else []
+    how += [f"{tilt:+d} degrees up or down (pitch)"] if tilt else []
     apart = f"{stated:.1f} m apart" if np.isfinite(stated) else "partly in the sky"
     action = "Correct `mount`, or its gimbal."
     if not tilt:
