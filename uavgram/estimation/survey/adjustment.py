@@ -440,8 +440,8 @@ class Refined:
         exclude each other in one group; and the solution with all photos mirrored, if the log does
         not rule it out.
     forbidding
-        Solutions without mistakes that forbid the use of the values which these contradict, by the
-        code of the mistake.
+        Codes of mistakes that forbid the use of the values which they contradict, each with the
+        solutions without it; several may have one code, as of several tapes.
     matches_left_out
         Rows of the project's picks: matches that do not fit the sightings in other photos.
     """
@@ -466,7 +466,7 @@ class Refined:
     causes: tuple[Cause, ...] = ()
     possible: tuple[Message, ...] = ()
     explanations: tuple[tuple[Explanation, ...], ...] = ()
-    forbidding: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
+    forbidding: tuple[tuple[str, tuple[Explanation, ...]], ...] = ()
     matches_left_out: frozenset[int] = frozenset()
 
     @property

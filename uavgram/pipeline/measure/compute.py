@@ -485,17 +485,23 @@ def _measure(
         value = measure(other, inputs.requests, frames)[0].value
         return contradicts_result(table, refined.adjustment, value, other)
 
-    harmless = {
-        code: group
-        for code, group in refined.forbidding.items()
-        if group and not any(contradicts(one.adjustment) for one in group)
+    harmful = {
+        code
+        for code, group in refined.forbidding
+        if not group or any(contradicts(one.adjustment) for one in group)
     }
-    refined = replace(refined, explanations=(*refined.explanations, *harmless.values()))
+    harmless = [one for one in refined.forbidding if one[0] not in harmful]
+    groups = (group for _, group in harmless)
+    refined = replace(refined, explanations=(*refined.explanations, *groups))
     rivals = refined.list_explanations()
     others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one, _ in rivals)
     table = add_alternatives(table, others, [probability for _, probability in rivals])
     found = _Measurements(
-        table, curvature, others[: len(refined.alternatives)], messages, frozenset(harmless)
+        table,
+        curvature,
+        others[: len(refined.alternatives)],
+        messages,
+        frozenset(code for code, _ in harmless),
     )
     # Where another solution moves a value, its sigma is not that of the first order.
     kept = (one for one in more if not found.moved.issuperset(one.measurements))

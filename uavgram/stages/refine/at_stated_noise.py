@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -68,7 +68,7 @@ class StatedNoiseAdjustment(NamedTuple):
         The survey adjusted without the mistakes that the result does not take into account; a group
         for each cause.
     forbidding
-        Those of causes that make the verdict red where they contradict a value, by code.
+        Those of causes that make the verdict red where they contradict a value, with their codes.
     messages
         Messages on control, and on heights that no observation determines.
     are_all_wrong
@@ -81,7 +81,7 @@ class StatedNoiseAdjustment(NamedTuple):
     off_ground: list[str]
     causes: tuple[Cause, ...]
     explanations: tuple[tuple[Explanation, ...], ...]
-    forbidding: Mapping[str, tuple[Explanation, ...]]
+    forbidding: tuple[tuple[str, tuple[Explanation, ...]], ...]
     messages: tuple[Message, ...]
     are_all_wrong: bool
 
@@ -165,10 +165,10 @@ def adjust_at_stated_noise(
         for cause, group in zip(causes, found.explanations, strict=False)
         if not cause.is_accounted
     ]
-    forbidding = {
-        message.code: group for message, group in explained if _forbids_use(message, refined, given)
-    }
-    explanations = tuple(group for message, group in explained if message.code not in forbidding)
+    forbidding = [one for one in explained if _forbids_use(one[0], refined, given)]
+    explanations = tuple(
+        group for message, group in explained if not _forbids_use(message, refined, given)
+    )
     other = tuple(
         Explanation(one.after.adjustment, one.odds) for one in found.possible if one.after
     )
@@ -181,7 +181,7 @@ def adjust_at_stated_noise(
         off_ground,
         causes,
         explanations,
-        forbidding,
+        tuple((message.code, group) for message, group in forbidding),
         (*left_out, *unseen),
         are_all_wrong=found.wrong.issuperset(refined.pick_index.tolist()),
     )

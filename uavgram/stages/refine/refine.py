@@ -123,7 +123,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         )
     causes = drop_insignificant_errors(begun.causes, refined.adjustment, noise)
     named = {one.message.code for one in causes}
-    forbidding = {code: one for code, one in begun.forbidding.items() if code in named}
+    forbidding = tuple(one for one in begun.forbidding if one[0] in named)
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = add_records(survey, refined)
     refined = replace(
