@@ -1,6 +1,7 @@
 """Projects without a camera file: what the photos say of their camera, against surveyed targets."""
 
 import json
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -145,6 +146,39 @@ def test_three_nadir_photos_share_one_assumed_camera(
 
     assert camera.name == "DJI FC300S"
     assert camera.parameters[0] == pytest.approx(3.61 / 6.3175 * 4000)
+
+
+def test_no_point_is_placed_where_the_assumed_lens_folds_back(
+    data_dir: Path, tmp_path: Path, write: Write
+) -> None:
+    """Photo at 40 m by its own tags, with one length that was read in feet.
+
+    Beyond the fold of a lens known to 13 %, a point 66 m away has the same pixel.
+    """
+    _table(
+        tmp_path / "picks.csv",
+        "image,label,u_px,v_px",
+        [("DJI_0025.JPG", "a", 1500, 650), ("DJI_0025.JPG", "b", 2500, 1450)],
+    )
+    _table(tmp_path / "lines.csv", "name,from,to,length_m,sigma_m", [("L1", "a", "b", 74.0, 0.01)])
+    _table(tmp_path / "measure.csv", "name,kind,points", [("D1", "distance", "a;b")])
+    project = write(
+        {
+            "images": str(data_dir / "brighton_beach" / "*.JPG"),
+            "camera": "auto",
+            "poses": "exif",
+            "picks": "picks.csv",
+            "lines": "lines.csv",
+            "measure": "measure.csv",
+        }
+    )
+
+    result = uavgram.run(project)
+
+    by_height_m = math.hypot(1000, 800) / 2285.7 * 40.0
+    assert result.measurements.value[0] == pytest.approx(by_height_m, rel=0.1)
+    assert result.measurements.status[0] != "ok"
+    assert any("in feet" in message.text for message in result.messages)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.survey.adjustment import LeftOutCause, Refined, Rival, explain
+from uavgram.estimation.survey.observations.sightings import have_folded
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.cleaned_adjustment import (
     Robust,
@@ -128,9 +129,14 @@ def _bound_cost_in_order(taking: Participants) -> float:
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
-    """Return whether an ordinary adjustment uses all observations and has no large misfit."""
+    """Return whether an ordinary adjustment uses all observations and has no large misfit.
+
+    Nor may it place a point where no lens shows it.
+    """
     adjustment = refined.adjustment
     if not adjustment.minimum.converged or len(refined.pick_reason) > len(taking.reason):
+        return False
+    if have_folded(adjustment.minimum.blocks):
         return False
     if compute_core_fit(adjustment).probability < MISFIT_PROBABILITY:
         return False

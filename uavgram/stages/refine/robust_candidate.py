@@ -20,6 +20,7 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
+from uavgram.estimation.survey.observations.sightings import have_folded
 from uavgram.estimation.survey.selection import remove_known, select_picks
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -311,6 +312,11 @@ class Candidate:
         stated = np.array([name not in self.taking.pose_widened for name in names])
         return bool(2 * (fits & stated).sum() > len(fits))
 
+    def is_within_lens(self) -> bool:
+        """Return whether the lens shows every point whose pick is no gross error."""
+        blocks = self.annealed.problem.evaluate(self.annealed.minimum.state)
+        return blocks is not None and not have_folded(blocks, without=self.annealed.gross("pixels"))
+
     def gives_up_log(self) -> bool:
         """Return whether half of the log's poses, or more, are gross errors."""
         misfit = self.annealed.misfit.get("telemetry", np.zeros(0))
@@ -353,13 +359,13 @@ def sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[
 
     Candidates with photos that contradict the rest come last: without these photos the other
     observations may show something else. The log as a whole is given up where nothing else
-    explains everything. Candidates without a scale are none: a scene of no size has no misfit on
-    the ground.
+    explains everything. Candidates without a scale are none, as a scene of no size has no misfit on
+    the ground; and so are those with a point that no lens shows.
     """
-    scaled = [one for one in candidates if one.has_scale()]
-    log_may_be_right = any(one.explains() and not one.gives_up_log() for one in scaled)
+    possible = [one for one in candidates if one.has_scale() and one.is_within_lens()]
+    log_may_be_right = any(one.explains() and not one.gives_up_log() for one in possible)
     return sorted(
-        scaled,
+        possible,
         key=lambda one: (
             len(one.misplaced) > 0,
             log_may_be_right and one.gives_up_log(),

@@ -8,6 +8,7 @@ gives J^T v without J.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,7 +20,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.geometry.motion.rotation import cross, exp_so3, hat
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Survey
 
 
@@ -108,6 +109,30 @@ class SightedBlock(Block):
     def multiply_transposed(self, along: Floats) -> Floats:
         """Multiply (..., n, 2) by the Jacobian, to (..., n, k)."""
         return self._sights.multiply_transposed(along * self._weight[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedBlock(Block):
+    """Rows of projected points, and (n,) whether the lens model folds back at each of them.
+
+    Beyond the fold a second direction has the same pixel: no lens shows a point there.
+    """
+
+    is_folded: Bools
+
+
+def have_folded(blocks: Mapping[str, Block], without: Sequence[int] | Ints = ()) -> bool:
+    """Return whether a picked point is where the lens model folds back.
+
+    Parameters
+    ----------
+    blocks
+        Evaluated observations, by group.
+    without
+        Rows of picks that do not count.
+    """
+    block = blocks.get("pixels")
+    return isinstance(block, ProjectedBlock) and bool(np.delete(block.is_folded, without).any())
 
 
 if TYPE_CHECKING:
@@ -228,7 +253,11 @@ def compute_sighting_rows(
     residual = (pixel - rows.pixel_px) * weight[:, None]
     block = SightedBlock(residual, rows.columns, sights, weight)
     # For many states only products with the Jacobians are needed.
-    return block if residual.ndim > 2 else Block(residual, rows.columns, block.jacobian)
+    if residual.ndim > 2:
+        return block
+    # A model that folds back mirrors the surroundings of the point.
+    (xx, xy), (yx, yy) = np.moveaxis(by_camera[..., :2], 0, -1)
+    return ProjectedBlock(residual, rows.columns, block.jacobian, xx * yy <= xy * yx)
 
 
 def _left_jacobian(turn: Floats) -> Floats:
