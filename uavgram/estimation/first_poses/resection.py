@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_each
+from uavgram.estimation.solver.batched import ExplicitProblem, Minima, State, minimise_each
 from uavgram.geometry.ground.plane import factor_homographies, make_homography_rows, mirror_plane
 from uavgram.geometry.motion.rotation import cross, exp_so3, hat
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -262,23 +262,68 @@ def refine_pose(
     None
         If at each end a point is not before the camera, or the camera not above the plane.
     """
-    size = np.linalg.norm(ray, axis=1)[:, None]
-    across = np.zeros((len(ray), 2, 3))  # from unit vectors to x and y at z = 1
-    across[:, [0, 1], [0, 1]] = 1.0
-    across[:, :, 2] = -ray[:, :2]
-    across *= (size / sigma[:, None])[:, None]
     count = len(starts)
-    each = (np.broadcast_to(one, (count, *one.shape)) for one in (ray / size, across, world_m))
+    each = (np.broadcast_to(one, (count, *one.shape)) for one in (world_m, ray, sigma))
     center, rotation = (np.stack(part) for part in zip(*starts, strict=True))
-    ends = minimise_each(make_ray_problem(*each), (center, rotation), MAX_ITERATIONS)
+    ends = _refine_each((center, rotation), *each)
     center, rotation = ends.state
     cost = np.where(center[:, 2] > 0, ends.cost, np.inf)
     best = int(np.argmin(cost))
     return (float(cost[best]), (center[best], rotation[best])) if cost[best] < np.inf else None
 
 
+def resect_in_space(world_m: Floats, ray: Floats, sigma: Floats) -> Pose:
+    """Estimate the poses of many cameras from points on a nearly level ground, and above it.
+
+    Parameters
+    ----------
+    world_m
+        (..., N, 3) points, N >= 4, not all but one in line.
+    ray
+        (..., N, 3) undistorted rays in the camera frame, z = 1.
+    sigma
+        (..., N) of their x and y.
+
+    Returns
+    -------
+    center_m : (..., 3)
+        NaN if the points do not determine the pose, or a ray or a point is not finite.
+    world_from_camera : (..., 3, 3)
+
+    Notes
+    -----
+    Least squares with all coordinates, from the pose over the level plane at the mean height.
+    """
+    shape = np.broadcast_shapes(world_m.shape[:-2], ray.shape[:-2])
+    number = ray.shape[-2]
+    every, rays = (
+        np.broadcast_to(one, (*shape, number, 3)).reshape(-1, number, 3) for one in (world_m, ray)
+    )
+    sigmas = np.broadcast_to(sigma, (*shape, number)).reshape(-1, number)
+    level_m = every[..., 2].mean(axis=1)
+    center, rotation = resect_each(every[..., :2], rays)
+    center[:, 2] += level_m
+    known = np.flatnonzero(np.isfinite(center).all(axis=1) & (center[:, 2] > level_m))
+    found = np.full(center.shape, np.nan)
+    if len(known):
+        start = (center[known], rotation[known])
+        ends = _refine_each(start, every[known], rays[known], sigmas[known])
+        found[known], rotation[known] = ends.state
+    return found.reshape(*shape, 3), rotation.reshape(*shape, 3, 3)
+
+
+def _refine_each(starts: Pose, world_m: Floats, ray: Floats, sigma: Floats) -> Minima:
+    """Refine poses (B, 3), (B, 3, 3) to the best fit of rays (B, N, 3) to points (B, N, 3)."""
+    size = np.linalg.norm(ray, axis=-1, keepdims=True)
+    across = np.zeros((*ray.shape[:-1], 2, 3))  # from unit vectors to x and y at z = 1
+    across[..., [0, 1], [0, 1]] = 1.0
+    across[..., 2] = -ray[..., :2]
+    across *= (size / sigma[..., None])[..., None]
+    return minimise_each(make_ray_problem(ray / size, across, world_m), starts, MAX_ITERATIONS)
+
+
 MIN_PICKS = 4
-"""Number of picks that determine a pose above known points of a plane."""
+"""Number of picks that determine a pose above known points."""
 
 MAX_SETS = 500
 """Largest number of sets of picks that are tried."""
@@ -294,7 +339,7 @@ def find_consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
     Parameters
     ----------
     world
-        Points of the picks on the plane (n, 2), in metres.
+        Points of the picks (n, 3), in metres.
     ray
         Their lines of sight in the camera's axes (n, 3), of depth 1.
     sigma
@@ -332,19 +377,18 @@ def _find_offsets(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Fl
 
     NaN where these determine no pose.
     """
-    pose = resect_each(world[chosen], ray[chosen])
-    distance = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=-1) / sigma
+    pose = resect_in_space(world[chosen], ray[chosen], sigma[chosen])
+    distance = np.linalg.norm(project_points(world, pose) - ray[:, :2], axis=-1) / sigma
     distance = np.where(np.isnan(distance), np.inf, distance)
     return np.where(np.isnan(pose[0][:, :1]), np.nan, distance)
 
 
-def project_plane(world: Floats, pose: Pose) -> Floats:
-    """Project points of the plane (n, 2) to normalised image coordinates in photos, (..., n, 2).
+def project_points(world: Floats, pose: Pose) -> Floats:
+    """Project points (n, 3) to normalised image coordinates in photos, (..., n, 2).
 
     NaN behind the camera.
     """
-    center, plane_from_camera = pose
-    on_plane = np.column_stack([world, np.zeros(len(world))])
-    camera = (on_plane - center[..., None, :]) @ plane_from_camera
+    center, world_from_camera = pose
+    camera = (world - center[..., None, :]) @ world_from_camera
     depth = np.where(camera[..., 2:] > 0, camera[..., 2:], np.nan)
     return np.asarray(camera[..., :2] / depth)

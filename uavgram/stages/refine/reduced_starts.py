@@ -48,9 +48,6 @@ that give its size in turn."""
 MOST_PROPOSED = 3
 """Number of single gross errors that are tried in place of several."""
 
-ROUGH_POSE_FACTOR = 5.0
-"""Factor of the sigmas of picks for a pose by control points that are not in a plane."""
-
 EITHER = LeftOut(
     LeftOutCause.MISPLACED_FRAME,
     "it and the other photo contradict each other, and nothing shows which of the two is wrong: "
@@ -216,10 +213,10 @@ def _try_without_wrong_picks(taking: Participants, without: Candidate) -> Iterat
     without
         Candidate without some photos, whose points place them again.
     """
-    survey, reduced = taking.survey, without.annealed.problem.survey
-    point_m, camera = without.annealed.minimum.state.point, survey.calibration
-    row = np.array([reduced.row_of_label.get(name, -1) for name in survey.label])
-    known = (row >= 0) & ~survey.off_ground
+    survey, problem = taking.survey, without.annealed.problem
+    row = np.array([problem.survey.row_of_label.get(name, -1) for name in survey.label])
+    world_m, _, _ = problem.world_points(without.annealed.minimum.state, row)
+    camera, known = survey.calibration, (row >= 0) & ~survey.is_free
     left = taking.keep & ~without.taking.keep & known[survey.pick_label]
     wrong: list[int] = []
     for frame in np.unique(survey.pick_frame[left]).tolist():
@@ -228,7 +225,7 @@ def _try_without_wrong_picks(taking: Participants, without: Candidate) -> Iterat
         is_in_lens = np.isfinite(ray).all(axis=1)
         picks, ray = picks[is_in_lens], ray[is_in_lens]
         sigma = survey.pick_sigma_px[picks] / camera.parameters[0]
-        agree = find_consensus(point_m[row[survey.pick_label[picks]], :2], ray, sigma)
+        agree = find_consensus(world_m[survey.pick_label[picks]], ray, sigma)
         if agree is None or 2 * agree.sum() <= len(picks) or agree.sum() <= MIN_PICKS:
             return  # so few agree on any pose
         wrong += picks[~agree].tolist()
@@ -286,9 +283,8 @@ def _find_control_of_one_pose(whole: Participants) -> Bools:
     ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
     is_in_lens = np.isfinite(ray).all(axis=1)
     of, picks, ray = of[is_in_lens], picks[is_in_lens], ray[is_in_lens]
-    # Control points are near a plane only, so that a pose by four of them is a rough one.
-    sigma = ROUGH_POSE_FACTOR * survey.pick_sigma_px[picks] / camera.parameters[0]
-    found = find_consensus(survey.control_world_m[of, :2], ray, sigma) if len(of) else None
+    sigma = survey.pick_sigma_px[picks] / camera.parameters[0]
+    found = find_consensus(survey.control_world_m[of], ray, sigma) if len(of) else None
     agree = np.zeros(len(survey.control_label), dtype=np.bool_)
     if found is not None and found.sum() >= MIN_PICKS:
         agree[of[found]] = True

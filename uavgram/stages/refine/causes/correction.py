@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.resection import resect_from_plane
+from uavgram.estimation.first_poses.resection import MIN_PICKS, resect_in_space
 from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS
 from uavgram.estimation.solver.normal_equations import SingularError
@@ -244,16 +244,14 @@ def _former_labels(diagnosis: Diagnosis, selection: Selection) -> Ints:
 def _resect_photo(
     present: Adjustment, selection: Selection, picks: Ints, label: Ints
 ) -> tuple[Floats, Floats] | None:
-    """Compute the pose of a photo that took no part from its points on the ground."""
+    """Compute the pose of a photo that took no part from its points of known height."""
     survey = selection.survey
-    on_ground = ~survey.off_ground[survey.pick_label[picks]]
-    picks, label = picks[on_ground], label[on_ground]
+    is_known = ~survey.is_free[survey.pick_label[picks]]
+    picks, label = picks[is_known], label[is_known]
     camera = survey.calibration
     ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
-    if len(picks) < 4 or not np.isfinite(ray).all():
+    if len(picks) < MIN_PICKS:
         return None
-    pose = resect_from_plane(present.state.point[label, :2], ray)
-    if pose is None or pose[0][2] <= 0:
-        return None
-    height = present.points_with_jacobian(label)[0][:, 2].mean()
-    return pose[0] + np.array([0.0, 0.0, height]), pose[1]
+    world, _, _ = present.problem.world_points(present.state, label)
+    pose = resect_in_space(world, ray, survey.pick_sigma_px[picks] / camera.parameters[0])
+    return pose if np.isfinite(pose[0]).all() else None

@@ -13,8 +13,8 @@ from uavgram.estimation.first_poses.resection import (
     AGREEMENT_SIGMAS,
     MIN_PICKS,
     find_consensus,
-    project_plane,
-    resect_from_plane,
+    project_points,
+    resect_in_space,
 )
 from uavgram.geometry.camera.projection import back_project, project
 from uavgram.model.arrays import Floats, Ints
@@ -49,8 +49,9 @@ def assign_labels(diagnosis: Diagnosis, frame: int, picks: Ints) -> Ints:
     """
     survey = diagnosis.survey
     at = labels_of(diagnosis)
-    label = np.flatnonzero((at >= 0) & ~survey.off_ground)
-    world = diagnosis.adjustment.state.point[at[label], :2]
+    label = np.flatnonzero((at >= 0) & ~survey.is_free)
+    adjustment = diagnosis.adjustment
+    world, _, _ = adjustment.problem.world_points(adjustment.state, at[label])
     camera = survey.calibration
     ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
     near = AGREEMENT_SIGMAS * survey.pick_sigma_px[picks] / camera.parameters[0]
@@ -71,8 +72,7 @@ def assign_labels(diagnosis: Diagnosis, frame: int, picks: Ints) -> Ints:
     else:
         # With a log: project all labels by its pose, and match picks by pairs.
         pose = survey.seeds.center_world_m[frame], survey.seeds.world_from_camera[frame]
-        there = np.column_stack([world, diagnosis.adjustment.points()[0][at[label], 2]])
-        place = project(camera.model, camera.parameters, (there - pose[0]) @ pose[1])
+        place = project(camera.model, camera.parameters, (world - pose[0]) @ pose[1])
         found = _labels_by_pairs(survey.pixel_px[picks], place, float(camera.width_px))
     found = _alternate(world, ray, near, found)
     return np.where(found >= 0, label[found], -1)
@@ -129,7 +129,7 @@ def _alternate(world: Floats, ray: Floats, near: Floats, found: Ints) -> Ints:
     Parameters
     ----------
     world
-        (k, 2) labels on their plane.
+        (k, 3) places of the labels.
     ray, near
         (n, 3), (n,) rays of the picks, and their largest distances from a label.
     found
@@ -137,9 +137,11 @@ def _alternate(world: Floats, ray: Floats, near: Floats, found: Ints) -> Ints:
     """
     for _ in range(MAX_ROUNDS):
         used = np.flatnonzero(found >= 0)
-        pose = resect_from_plane(world[found[used]], ray[used]) if len(used) >= MIN_PICKS else None
-        if pose is None or pose[0][2] <= 0:
+        if len(used) < MIN_PICKS:
             return np.full(len(ray), -1)
-        apart = np.linalg.norm(ray[:, None, :2] - project_plane(world, pose)[None], axis=2)
+        pose = resect_in_space(world[found[used]], ray[used], near[used] / AGREEMENT_SIGMAS)
+        if not np.isfinite(pose[0]).all():
+            return np.full(len(ray), -1)
+        apart = np.linalg.norm(ray[:, None, :2] - project_points(world, pose)[None], axis=2)
         found = _mutually_nearest(apart, near)
     return found

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.resection import MIN_PICKS, project_plane, resect_each
+from uavgram.estimation.first_poses.resection import MIN_PICKS, project_points, resect_in_space
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,
@@ -226,21 +226,20 @@ def _find_factor(
     """
     survey, camera = diagnosis.survey, diagnosis.survey.calibration
     label = seen.label_rows(survey.label)[survey.pick_label[picks]]
-    known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
+    known = np.flatnonzero((label >= 0) & ~survey.is_free[survey.pick_label[picks]])
     if len(known) <= MIN_PICKS:
         return None
-    world = seen.state.point[label[known], :2]
+    world, _, _ = seen.problem.world_points(seen.state, label[known])
     # Scale the pixels before the distortion is removed, as that belongs to the lens.
     pixel = fixed_px + (survey.pixel_px[picks[known]] - fixed_px) / factors[:, None, None]
     ray = back_project(camera.model, camera.parameters, pixel.reshape(-1, 2))
     every = (ray / ray[:, 2:]).reshape(*pixel.shape[:2], 3)
     sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
     center, whitening = _by_the_log(diagnosis, int(survey.pick_frame[picks[0]]))
-    pose = resect_each(world, every)
-    off = (project_plane(world, pose) - every[..., :2]) * factors[:, None, None] / sigma[:, None]
-    lifted = pose[0] + np.array([0.0, 0.0, seen.state.plane[0]])
-    cost = np.sum(off**2, axis=(1, 2)) + np.sum(((lifted - center) @ whitening.T) ** 2, axis=1)
-    cost = np.where((pose[0][:, 2] > 0.0) & ~np.isnan(cost), cost, np.inf)
+    pose = resect_in_space(world, every, sigma)
+    off = (project_points(world, pose) - every[..., :2]) * factors[:, None, None] / sigma[:, None]
+    cost = np.sum(off**2, axis=(1, 2)) + np.sum(((pose[0] - center) @ whitening.T) ** 2, axis=1)
+    cost = np.where(np.isnan(cost), np.inf, cost)
     best = int(np.argmin(cost))
     if not 0 < best < len(factors) - 1 or not np.isfinite(cost[best - 1 : best + 2]).all():
         return None

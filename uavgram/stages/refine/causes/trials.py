@@ -15,6 +15,7 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
+from uavgram.model.arrays import Floats
 from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.correction import readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
@@ -172,13 +173,19 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         squares = gain - regained
     if hypothesis.settled is not None:
         settled = hypothesis.settled(refined.adjustment)
-        if settled is None:
+        # An amount that may as well be zero explains nothing, whatever the readjustment gained.
+        if settled is None or _compute_wald(*settled) < 2.0 * SURE_LOG_ODDS:
             return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
         value, covariance = settled
         found = HypothesisTest(gain, len(value), value, covariance)
     of_log = _noise_of_log(refined.adjustment, hypothesis)
     one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, noise, of_log, squares, regained)
     return one.rescale_odds(noise)
+
+
+def _compute_wald(value: Floats, covariance: Floats) -> float:
+    """Compute the squared size of (q,) estimated amounts in their sigmas (Wald's statistic)."""
+    return float(value @ np.linalg.solve(covariance, value))
 
 
 def _bound_cost(diagnosis: Diagnosis, hypothesis: Hypothesis, paid: float) -> float:

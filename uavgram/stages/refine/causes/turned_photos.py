@@ -11,8 +11,8 @@ import numpy as np
 from uavgram.estimation.first_poses.resection import (
     AGREEMENT_SIGMAS,
     MIN_PICKS,
-    project_plane,
-    resect_from_plane,
+    project_points,
+    resect_in_space,
 )
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.adjustment import LeftOutCause
@@ -362,18 +362,17 @@ def _shows_the_ground(
     pixel = np.array([*pixel_of_pick.values()], dtype=np.float64).reshape(-1, 2)
     survey, adjustment = diagnosis.survey, diagnosis.adjustment
     label = labels_of(diagnosis)[survey.pick_label[picks]]
-    known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
+    known = np.flatnonzero((label >= 0) & ~survey.is_free[survey.pick_label[picks]])
     if len(known) <= MIN_PICKS:
         return False
-    world = adjustment.state.point[label[known], :2]
+    world, _, _ = adjustment.problem.world_points(adjustment.state, label[known])
     camera = survey.calibration
     ray = back_project(camera.model, camera.parameters, pixel[known])
-    pose = resect_from_plane(world, ray)
-    if pose is None or pose[0][2] <= 0:
-        return False
+    sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
+    pose = resect_in_space(world, ray, sigma)
     # Residuals of the resection, by their median.
-    off = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1) * camera.parameters[0]
-    off = np.nan_to_num(off, nan=np.inf) / survey.pick_sigma_px[picks[known]]
+    off = np.linalg.norm(project_points(world, pose) - ray[:, :2], axis=1) / sigma
+    off = np.nan_to_num(off, nan=np.inf)
     if not np.median(off) < AGREEMENT_SIGMAS:
         return False
     if survey.seeds is None:
