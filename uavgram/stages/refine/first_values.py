@@ -52,6 +52,9 @@ BEYOND_LENS = LeftOut(
 NO_GROUND = LeftOut(
     LeftOutCause.NO_GROUND, "it is in the sky: its line of sight does not meet the ground"
 )
+ABOVE_CAMERA = LeftOut(
+    LeftOutCause.NO_GROUND, "its stated height is above the camera: correct the height"
+)
 NO_HEIGHT = LeftOut(
     LeftOutCause.UNDETERMINED,
     "the height of its point is to be found, which takes photos from two places: pick it in "
@@ -431,7 +434,8 @@ def find_unusable_picks(survey: Survey, values: FirstValues) -> dict[int, LeftOu
     shared = np.bincount(own[:, 0], minlength=frames)
     checked = seen | (shared >= MIN_PICKS) | (survey.telemetry is not None)
     why = np.where(one_place, 2, placed & checked[frame])
-    causes = (NOT_JOINED, NO_GROUND, NO_HEIGHT)
+    why[survey.off_ground[label] & (up >= values.center[frame, 2])] = 3
+    causes = (NOT_JOINED, NO_GROUND, NO_HEIGHT, ABOVE_CAMERA)
     return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}
 
 
