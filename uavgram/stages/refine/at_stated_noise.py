@@ -36,6 +36,7 @@ from uavgram.stages.refine.causes.identification import (
 )
 from uavgram.stages.refine.causes.mirrored_photos import (
     propose_all_mirrored,
+    propose_exchanged_axes,
     shows_mirrored_control,
 )
 from uavgram.stages.refine.causes.swapped_labels import propose_swapped_pair
@@ -188,7 +189,7 @@ def adjust_at_stated_noise(
 
 
 def _find_mirrored(taking: Participants) -> Robust | None:
-    """Return the ordinary adjustment of photos that all fit control once they are mirrored back.
+    """Return the ordinary adjustment of photos that all fit control once either is mirrored back.
 
     They contradict control so much that no robust adjustment is of use. None for other surveys.
     """
@@ -196,7 +197,7 @@ def _find_mirrored(taking: Participants) -> Robust | None:
     if plain is None:
         return None
     diagnosis = Diagnosis(find_participants(taking.survey, plain), plain)
-    found = identify_common_errors(diagnosis, [propose_all_mirrored])
+    found = identify_common_errors(diagnosis, [propose_all_mirrored, propose_exchanged_axes])
     return Robust(taking.survey, plain) if found.causes and found.fits else None
 
 

@@ -146,3 +146,21 @@ def test_photos_that_are_mirrored_against_control_are_named_first(
     wrong = np.array(survey.pixel_px)
     wrong[np.flatnonzero(np.isin(survey.pick_label, survey.control_label))[0]] += [400.0, -300.0]
     assert not shows_mirrored_control(replace(survey, pixel_px=wrong))
+
+
+@pytest.mark.parametrize("origin_m", [0.0, 60.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_exchanged_axes_of_control_are_named_and_spoil_nothing(seed: int, origin_m: float) -> None:
+    """East and north of control are exchanged, about the origin or about another place."""
+    scene = make_scene(seed, frames=3, control=5, tilt=0.6)
+    exchanged = scene.survey.control_world_m[:, [1, 0, 2]] + [origin_m, -origin_m, 0.0]
+    refined, messages = refine(
+        replace(scene.survey, control_world_m=exchanged), SolveOptions(outliers="report")
+    )
+    assert messages[0].code == "control-axes-exchanged"
+    assert not refined.pick_reason
+    assert not refined.line_removed.any()
+    adjusted = [scene.survey.label.index(name) for name in refined.adjustment.survey.label]
+    here, there = refined.adjustment.state.point[:, :2], scene.world[adjusted, :2]
+    apart, true = (np.linalg.norm(one[:, None] - one[None], axis=2) for one in (here, there))
+    np.testing.assert_allclose(apart, true, atol=0.15)

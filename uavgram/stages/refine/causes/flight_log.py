@@ -113,13 +113,13 @@ def propose_shifted_control(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         message=partial(_control_message, adjustment.survey),
         moved=(prior_derivative(adjustment, kind="position_bias"),),
         settled=partial(_compute_deviation, kind="position_bias"),
-        freed=_free_places,
+        freed=free_places,
         promise=float(sum(np.sum(one.residual**2) for one in blocks)),  # upper limit
         price=widening_price(3, USUAL_SHIFT_M, stated),
     )
 
 
-def _free_places(survey: Survey) -> Survey:
+def free_places(survey: Survey) -> Survey:
     """Remove the priors of the log's common error, and of the ground's height above its home."""
     grounds = tuple(replace(one, height_sigma_m=SHIFT_SIGMA_M) for one in survey.grounds)
     freed = replace(survey, grounds=grounds)

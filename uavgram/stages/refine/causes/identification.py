@@ -39,7 +39,10 @@ from uavgram.stages.refine.causes.length_readings import (
     propose_slips,
     propose_wrong_lengths,
 )
-from uavgram.stages.refine.causes.mirrored_photos import propose_all_mirrored
+from uavgram.stages.refine.causes.mirrored_photos import (
+    propose_all_mirrored,
+    propose_exchanged_axes,
+)
 from uavgram.stages.refine.causes.other_camera import (
     propose_other_camera_file,
     propose_other_lens,
@@ -98,6 +101,7 @@ HYPOTHESES: tuple[Proposal, ...] = (
     propose_photos_turned_together,
     propose_photos_in_disorder,
     propose_all_mirrored,
+    propose_exchanged_axes,
     propose_wrong_clock,
     propose_turned_camera,
     propose_shifted_control,
@@ -118,6 +122,7 @@ COMMON_ERRORS: tuple[Proposal, ...] = (
     propose_common_errors,
     propose_taped_level,
     propose_all_mirrored,
+    propose_exchanged_axes,
     propose_swapped_everywhere,
     propose_wrong_clock,
     propose_turned_camera,

@@ -1,8 +1,9 @@
-"""Hypothesis that all photos were mirrored when picked: the survey is then its own mirror image.
+"""Hypotheses on a survey that is the mirror image of its control points or its log.
 
-Distances and areas stay right, coordinates do not. Three control points show it, or else only a
-log, by positions and directions of the photos: over a straight flight with a camera that looks
-straight down it does not.
+All photos were mirrored when they were picked, or east and north of the control points are
+exchanged. Distances and areas stay right, coordinates do not. Three control points show it, or else
+only a log, by positions and directions of the photos: over a straight flight with a camera that
+looks straight down it does not.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey import Survey, SurveyCorrection
+from uavgram.stages.refine.causes.flight_log import free_places
 from uavgram.stages.refine.causes.hypothesis import SURE_LOG_ODDS, Diagnosis, Hypothesis
+from uavgram.stages.refine.first_values import find_first_values
 from uavgram.stages.refine.minima import TRIAL_ITERATIONS
 from uavgram.stages.refine.readjustment import find_used_lines
 from uavgram.stages.refine.staged_sigmas import iterate
@@ -60,7 +63,9 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     )
     pixel = _mirror_pixels(survey)
     yield Hypothesis(
-        message=partial(_report_mirrored, by_control=is_shown),
+        message=partial(
+            _report_mirrored, by_control=is_shown, is_alone=survey.telemetry is not None
+        ),
         mend=SurveyCorrection(
             pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}
         ),
@@ -71,6 +76,43 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         price=PRIOR_LOG_ODDS,
         settles=frozenset(survey.frame_id),
     )
+
+
+def propose_exchanged_axes(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that east and north of all control points are exchanged.
+
+    Only the log tells it from mirrored photos.
+    """
+    survey = diagnosis.survey
+    if survey.telemetry is None or not shows_mirrored_control(survey):
+        return
+    yield Hypothesis(
+        message=lambda _: Message(
+            "warning",
+            "control-axes-exchanged",
+            "East and north of all control points seem to be exchanged: the photos and their "
+            "places fit only then, up to a common shift. Look at the columns of the list of "
+            "control points.",
+            labels=tuple(survey.label[k] for k in survey.control_label),
+        ),
+        freed=_exchange_axes,
+        is_of_all=True,
+        promise=diagnosis.cost,  # upper limit
+        price=PRIOR_LOG_ODDS,
+        settles=frozenset(survey.frame_id),
+    )
+
+
+def _exchange_axes(survey: Survey) -> Survey:
+    """Exchange east and north of the control points, and shift them to where the log shows them.
+
+    What is known of a common shift is given up.
+    """
+    exchanged = survey.control_world_m[:, [1, 0, 2]]
+    sigma = survey.control_sigma_m[:, [1, 0, 2]]
+    shown_m = find_first_values(survey)[0].point_m[survey.control_label]
+    exchanged[:, :2] += np.nanmean(shown_m - exchanged[:, :2], axis=0)
+    return free_places(replace(survey, control_world_m=exchanged, control_sigma_m=sigma))
 
 
 def shows_mirrored_control(survey: Survey) -> bool:
@@ -192,12 +234,14 @@ def _mirror_pixels(survey: Survey) -> Floats:
     return pixel
 
 
-def _report_mirrored(_: HypothesisTest | None, *, by_control: bool = False) -> Message:
+def _report_mirrored(
+    _: HypothesisTest | None, *, by_control: bool = False, is_alone: bool = True
+) -> Message:
     witness = "the control points fit" if by_control else "the log fits"
     other = " Or east and north of the control points are exchanged: look at their file."
     text = (
         f"All photos seem to have been mirrored when they were picked: {witness} only then. Pick "
         "them again in the original files, as the camera wrote them. Until then coordinates and "
-        f"directions are mirrored.{other if by_control else ''}"
+        f"directions are mirrored.{'' if is_alone else other}"
     )
     return Message("warning", "photos-mirrored", text)
