@@ -112,6 +112,7 @@ def _calibration(tags: CameraTags, source: _Source) -> Calibration:
         covariance=make_assumed_covariance(
             "brown", source.parameters, tags.width_px, source.errors
         ),
+        is_assumed=True,
     )
 
 

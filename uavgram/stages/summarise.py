@@ -127,7 +127,7 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
         Assumed camera clock minus UTC; the clock correction is added to it.
     """
     layout, state = adjustment.problem.layout, adjustment.state
-    basis = adjustment.problem.intrinsic_basis
+    basis = adjustment.problem.intrinsic_root(state)
     intrinsic = adjustment.shared_covariance(layout.first_intrinsic, layout.intrinsics)
     intrinsic_sigma = np.sqrt(np.einsum("ij,jk,ik->i", basis, intrinsic, basis))
     part = _telemetry_parts(adjustment)

@@ -178,6 +178,21 @@ def test_a_step_to_a_lens_without_focal_length_is_refused(
     assert problem.evaluate(state) is None
 
 
+def test_no_step_leads_to_an_assumed_lens_without_focal_length(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    scene = scene_factory(2)
+    camera = replace(scene.survey.calibration, is_assumed=True)
+    survey = replace(scene.survey, calibration=camera)
+    problem = SurveyProblem(survey, scene.pivot, np.ones(6, dtype=bool))
+    basis, stated = problem.intrinsic_basis, camera.parameters
+    for factor in (-50.0, -1.001, 0.2):
+        wanted = np.zeros(len(basis))
+        wanted[1] = factor * stated[1]
+        state = replace(scene.truth, intrinsic=np.linalg.pinv(basis) @ wanted)
+        assert problem.intrinsics(state)[1] == pytest.approx(stated[1] * np.exp(factor))
+
+
 def test_lengths_that_nothing_can_part_are_told_with_their_ratios(
     scene_factory: Callable[..., Scene],
 ) -> None:

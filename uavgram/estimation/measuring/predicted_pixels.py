@@ -252,7 +252,7 @@ def _predict_in_others(
         [
             d_world @ d_point[shown],
             d_pose @ d_shared[frame],
-            d_lens @ adjustment.problem.intrinsic_basis,
+            d_lens @ adjustment.problem.intrinsic_root(state),
             d_world @ d_plane[shown],
             by_readout[..., : layout.readout],
         ],

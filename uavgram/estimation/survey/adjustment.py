@@ -223,7 +223,7 @@ class Adjustment:
         area's plane (height [m], slopes), which is known where it is the gauge. One more row is the
         readout time [s], where that is an unknown.
         """
-        layout, lens = self.problem.layout, self.problem.intrinsic_basis
+        layout, lens = self.problem.layout, self.problem.intrinsic_root(self.state)
         plane = 0 if layout.free_gauge else 3
         shared = np.concatenate(
             [

@@ -63,7 +63,30 @@ class SurveyProblem:
 
     def intrinsics(self, state: State) -> Floats:
         """Return the (..., P) interior orientation of a state."""
-        return self.survey.calibration.parameters + state.intrinsic @ self.intrinsic_basis.T
+        stated = self.survey.calibration.parameters
+        change = state.intrinsic @ self.intrinsic_basis.T
+        if self.survey.calibration.is_assumed:
+            change[..., :2] = stated[:2] * (self.focal_growth(state) - 1.0)
+        return np.asarray(stated + change)
+
+    def focal_growth(self, state: State) -> Floats:
+        """Compute (..., 2) derivatives of the focal lengths by the linear unknowns.
+
+        The logarithms of assumed focal lengths have a normal prior, so that none is near zero:
+        photos that look straight down fit any ratio of focal length and height.
+        """
+        stated = self.survey.calibration.parameters[:2]
+        change = state.intrinsic @ self.intrinsic_basis[:2].T
+        if not self.survey.calibration.is_assumed:
+            return np.ones_like(change)
+        with np.errstate(over="ignore"):  # a step too far is refused
+            return np.asarray(np.exp(change / stated))
+
+    def intrinsic_root(self, state: State) -> Floats:
+        """Return the (P, I) derivatives of the interior orientation by its unknowns."""
+        root = self.intrinsic_basis.copy()
+        root[:2] *= self.focal_growth(state)[:, None]
+        return root
 
     def world_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
         """Compute world coordinates (n, 3) of labels, and their Jacobians.

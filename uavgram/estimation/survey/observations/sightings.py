@@ -226,6 +226,7 @@ def compute_sighting_rows(
     pixel, by_camera, by_lens = project_with_jacobian(
         survey.calibration.model, problem.intrinsics(state), camera, beyond_fold="extend"
     )
+    by_lens[..., :2] *= problem.focal_growth(state)[..., None, None, :]
     if not np.isfinite(pixel).all():
         return None
     by_rest = []

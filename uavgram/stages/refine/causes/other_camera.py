@@ -389,12 +389,14 @@ def _find_deviation(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats
     None for a focal length that no other camera or zoom has.
     """
     problem, layout = adjustment.problem, adjustment.problem.layout
-    to_unknowns = np.linalg.pinv(unknowns) @ problem.intrinsic_basis
+    to_unknowns = np.linalg.pinv(unknowns)
+    to_state = to_unknowns @ problem.intrinsic_root(adjustment.state)
     covariance = adjustment.shared_covariance(layout.first_intrinsic, layout.intrinsics)
-    value = to_unknowns @ adjustment.state.intrinsic
+    stated = adjustment.survey.calibration.parameters
+    value = to_unknowns @ (problem.intrinsics(adjustment.state) - stated)
     if not 1.0 / LARGEST_ZOOM < 1.0 + ZOOM_SIGMA * value[0] < LARGEST_ZOOM:
         return None
-    return value, to_unknowns @ covariance @ to_unknowns.T
+    return value, to_state @ covariance @ to_state.T
 
 
 def remove_camera_prior(unknowns: Floats, survey: Survey) -> Survey:
