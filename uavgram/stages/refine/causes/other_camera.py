@@ -250,14 +250,19 @@ def _find_factor(
 
 
 def _by_the_log(diagnosis: Diagnosis, frame: int) -> tuple[Floats, Floats]:
-    """Return a photo's camera position (3,) by the log, with common biases; and its whitening.
+    """Return a photo's camera position (3,) by the log, and its whitening.
 
-    All zeros where there is no log.
+    With the adjusted common biases; of a photo that was left out, with their uncertainty. All zeros
+    where there is no log.
     """
     adjustment, survey = diagnosis.adjustment, diagnosis.survey
     names = adjustment.survey.frame_id
     block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
     name = survey.frame_id[frame]
+    seeds = survey.seeds
+    if seeds is not None and name not in names:
+        own = np.linalg.inv(np.linalg.cholesky(seeds.covariance[frame, :3, :3]))
+        return seeds.center_world_m[frame], np.asarray(own, dtype=np.float64)
     if block is None or telemetry is None or name not in names:
         return np.zeros(3), np.zeros((3, 3))
     at = names.index(name)
