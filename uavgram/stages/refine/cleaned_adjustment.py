@@ -32,11 +32,12 @@ from uavgram.stages.refine.minima import (
     find_best_minima,
     find_minima_from,
 )
-from uavgram.stages.refine.rival_errors import MAX_RIVAL_INCREASE
+from uavgram.stages.refine.rival_errors import MAX_RIVAL_INCREASE, compute_repeated_cost
 from uavgram.stages.refine.robust_adjustment import (
     ZERO_WEIGHT,
     Annealed,
     compute_squared_misfits,
+    count_photos_of_picks,
     decide,
     minimise_weighted_cost,
 )
@@ -299,13 +300,14 @@ def _find_contradicting(found: Annealed) -> list[int]:
     """
     gross = np.zeros(len(found.problem.survey.pick_label), dtype=np.bool_)
     gross[found.gross("pixels")] = True
-    label = found.problem.survey.pick_label
-    number, wrong = (np.bincount(of, minlength=label.max() + 1) for of in (label, label[gross]))
-    # Labels with at least half of their picks gross.
-    asked = np.flatnonzero((number > 1) & (2 * wrong >= number)).tolist()
-    # At the end of a length each click is tried in place of the others (`try_other_clicks`).
     survey = found.problem.survey
-    place = survey.pick_frame * len(number) + label
+    label, count = survey.pick_label, len(survey.label)
+    number, wrong = (np.bincount(of, minlength=count) for of in (label, label[gross]))
+    place = survey.pick_frame * count + label
+    photos, doubted = (count_photos_of_picks(survey, rows) for rows in (slice(None), gross))
+    # Labels with gross picks in at least half of their photos.
+    asked = np.flatnonzero((number > 1) & (2 * doubted >= photos)).tolist()
+    # At the end of a length each click is tried in place of the others (`try_other_clicks`).
     repeated = label[gross & np.isin(place, place[~gross])]
     tried = set(repeated[are_ends(survey, repeated)].tolist())
     return [
@@ -352,7 +354,8 @@ def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
     except (SingularError, ValueError):  # undetermined, or impossible
         return False
     is_other = own & gross & (other.misfit["pixels"] <= GROSS_SIGMAS)
-    return bool(is_other.any()) and other.cost <= found.cost + MAX_RIVAL_INCREASE
+    cost, least = (one.cost - compute_repeated_cost(one) for one in (other, found))
+    return bool(is_other.any()) and cost <= least + MAX_RIVAL_INCREASE
 
 
 def _spread_px(found: Annealed, rows: Ints) -> Floats:

@@ -48,6 +48,9 @@ that give its size in turn."""
 MOST_PROPOSED = 3
 """Number of single gross errors that are tried in place of several."""
 
+MOST_CONTESTING = 2
+"""Number of photos of a point up to which the clicks in one may be wrong, or those in the other."""
+
 EITHER = LeftOut(
     LeftOutCause.MISPLACED_FRAME,
     "it and the other photo contradict each other, and nothing shows which of the two is wrong: "
@@ -416,9 +419,10 @@ def exchange_gross_errors(candidate: Candidate) -> Iterator[Candidate]:
 
 
 def try_other_clicks(taking: Participants, candidate: Candidate) -> Iterator[Candidate]:
-    """Adjust robustly with a gross click of a point in place of the others in the same photo.
+    """Adjust robustly with a gross click of a point in place of the others.
 
     A wrong click on the end of a length leads to another pose, in which the right one is gross.
+    The others are those of the same photo, or of the only other one: more photos decide.
     """
     survey = taking.survey
     gross = np.setdiff1d(candidate.first.pick_index, candidate.used)
@@ -426,9 +430,12 @@ def try_other_clicks(taking: Participants, candidate: Candidate) -> Iterator[Can
     if not 0 < len(gross) <= MOST_ALTERNATIVES:
         return
     whole, patience = add_small_roughness(taking), _choose_patience(taking, [candidate])
-    place = survey.pick_frame * len(survey.label) + survey.pick_label
     for pick in gross.tolist():
-        others = np.setdiff1d(np.flatnonzero(whole.keep & (place == place[pick])), pick)
+        own = np.flatnonzero(whole.keep & (survey.pick_label == survey.pick_label[pick]))
+        frame = survey.pick_frame[own]
+        if len(np.unique(frame)) > MOST_CONTESTING:
+            own = own[frame == survey.pick_frame[pick]]
+        others = np.setdiff1d(own, gross)
         if len(others):
             rest = whole.leave_out_picks(dict.fromkeys(others.tolist(), DISAGREEING))
             yield from adjust_from_reduced(rest, whole, taking, patience)

@@ -19,10 +19,17 @@ from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.solver.normal_equations import DenseStack
 from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.model.arrays import Floats, Ints
-from uavgram.stages.refine.robust_adjustment import LEAST_REDUNDANCY, Annealed
+from uavgram.stages.refine.robust_adjustment import (
+    LEAST_REDUNDANCY,
+    Annealed,
+    compute_gross_cost,
+)
 
 MAX_RIVAL_INCREASE = 2.0 * float(np.log(20.0))
 """Difference of costs up to which another explanation has odds of more than 1 in 20."""
+
+PIXEL_SQUARES = 2.0
+"""Expected sum of squares of the two coordinates of a click with an error of the stated size."""
 
 MAX_CHANCE_MATCH = 0.02
 """Largest relative sigma of a length that shows a known mistake. With a larger one, the ten ratios
@@ -147,6 +154,19 @@ def compute_size_cost(found: Annealed) -> float:
             log_ratio = np.log(taped_m / max(seen_m, LEAST_SHARE * taped_m))
             cost += 2.0 * float(np.log1p((log_ratio / USUAL_LOG_RATIO) ** 2))
     return cost
+
+
+def compute_repeated_cost(found: Annealed) -> float:
+    """Compute the cost that gross clicks of one point in one photo do not have together.
+
+    Who clicks on the wrong thing does so again: they are one mistake, and the others errors of
+    the stated size.
+    """
+    survey = found.problem.survey
+    rows = found.gross("pixels")
+    place = survey.pick_frame[rows] * len(survey.label) + survey.pick_label[rows]
+    repeated = len(rows) - len(np.unique(place))
+    return repeated * (compute_gross_cost("pixels") - PIXEL_SQUARES)
 
 
 def _compare_length(found: Annealed, row: int) -> tuple[float, float, float]:

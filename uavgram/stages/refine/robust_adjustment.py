@@ -34,6 +34,7 @@ from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.lengths import find_tape_rows, select_taped_lines
 from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey import Survey
 from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.staged_sigmas import DAMPING
 
@@ -466,7 +467,7 @@ def _find_unlikely_heights(
 def _try_heights(
     problem: SurveyProblem, gross: dict[str, Bools], before: Bools | None, on_ground: Bools
 ) -> None:
-    """Move points off the ground where most of their picks are gross errors on it.
+    """Move points off the ground where they are gross errors on it in most of their photos.
 
     Parameters
     ----------
@@ -480,15 +481,21 @@ def _try_heights(
         Points that stay on it, even if their picks show another height.
     """
     survey, rough = problem.survey, problem.third.rough
-    number = np.bincount(survey.pick_label, minlength=len(survey.label))
-    wrong = np.bincount(survey.pick_label[gross["pixels"]], minlength=len(survey.label))
-    is_new = (2 * wrong > number)[rough] & (count_photos(survey) > 1)[rough]
+    photos, wrong = (count_photos_of_picks(survey, rows) for rows in (slice(None), gross["pixels"]))
+    is_new = (2 * wrong > photos)[rough] & (count_photos(survey) > 1)[rough]
     if before is not None:
         is_new &= ~before
     is_new &= ~on_ground
     gross["roughness"] &= ~on_ground
     gross["roughness"][is_new] = True
     gross["pixels"] &= ~np.isin(survey.pick_label, rough[is_new])
+
+
+def count_photos_of_picks(survey: Survey, rows: slice | Bools) -> Ints:
+    """Count the photos (K,) in which each label has one of some picks, however many there are."""
+    count = len(survey.label)
+    place = survey.pick_frame[rows] * count + survey.pick_label[rows]
+    return np.bincount(np.unique(place) % count, minlength=count)
 
 
 def _find_frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, ...]:

@@ -35,7 +35,11 @@ from uavgram.stages.refine.minima import (
 )
 from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.readjustment import convert_state
-from uavgram.stages.refine.rival_errors import compute_size_cost, has_rival
+from uavgram.stages.refine.rival_errors import (
+    compute_repeated_cost,
+    compute_size_cost,
+    has_rival,
+)
 from uavgram.stages.refine.robust_adjustment import (
     ROBUST,
     SCHEDULE,
@@ -160,7 +164,8 @@ class Candidate:
     @cached_property
     def _own_cost(self) -> float:
         """Cost of the observations that have a place."""
-        return self.annealed.cost + compute_size_cost(self.annealed) + self.price
+        found = self.annealed
+        return found.cost - compute_repeated_cost(found) + compute_size_cost(found) + self.price
 
     def _count_lost_numbers(self, whole: Participants) -> int:
         """Count the numbers of lengths, known things and control that have no part in it."""
