@@ -509,3 +509,32 @@ def test_of_two_clicks_the_one_that_lengths_contradict_leaves() -> None:
     assert list(found.refined.pick_reason) == [wrong]
     assert not found.refined.line_removed.any()
     assert largest_error(found.refined.adjustment, scene) < FARTHEST
+
+
+@pytest.mark.parametrize("is_end", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_two_clicks_on_a_wrong_thing_do_not_outvote_another_photo(
+    seed: int, *, is_end: bool
+) -> None:
+    """One photo of two has two clicks of a point; a length may end there and decide."""
+    scene = make_scene(seed, **{**NO_LOG, "frames": 2, "labels": 12, "ends": TAPED, "tilt": 0.5})
+    label = 0 if is_end else 11
+    survey, (wrong, right) = scene.survey, np.flatnonzero(scene.survey.pick_label == label)
+    pixel = np.array(survey.pixel_px)
+    pixel[wrong] += [300.0, -200.0]
+    survey = replace(
+        survey,
+        pick_frame=np.append(survey.pick_frame, survey.pick_frame[wrong]),
+        pick_label=np.append(survey.pick_label, label),
+        pixel_px=np.vstack([pixel, pixel[wrong] + [1.0, -1.0]]),
+        pick_sigma_px=np.append(survey.pick_sigma_px, survey.pick_sigma_px[wrong]),
+    )
+    found = adjust_robustly(all_of(survey))
+
+    assert not found.refined.line_removed.any()
+    if is_end:
+        assert found.refined.pick_reason.keys() == {wrong, len(survey.pick_label) - 1}
+        assert largest_error(found.refined.adjustment, scene) < FARTHEST
+    else:  # its height would explain both, or nothing shows which is wrong
+        assert right not in found.refined.pick_reason
+        assert {*found.contradicting, *found.labels} == {survey.label[label]}

@@ -113,6 +113,8 @@ def adjust_at_stated_noise(
         robust.survey, robust.refined, [*robust.labels, *shown]
     )
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
+    if found.restored is not None:
+        survey, refined = found.restored.survey, found.restored.refined
     # Take errors of many picks, or common to all readings, where they explain more than these
     # causes; mention errors of picks that explain as much.
     cost = _compute_cost(taking, robust, found)

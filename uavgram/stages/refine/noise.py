@@ -513,6 +513,9 @@ def _describe_noise(
 CARELESS_FACTOR = 2.5
 """Factor of the stated identification beyond which tape and picks no longer mean the same point."""
 
+UNUSUAL_FACTOR = 3.0
+"""Factor of the stated sigma of clicks from which their scatter has another cause than the hand."""
+
 WORSE_FACTOR, BETTER_FACTOR = 1.3, 0.75
 """Factors of the stated sigma of picks beyond which a message is issued."""
 
@@ -595,6 +598,13 @@ def _report_picks(picks: PickNoise, what: str) -> Iterator[Message]:
         )
         if by_likeness:
             yield Message("info", "found-less-exact", text)
+        elif picks.factor > UNUSUAL_FACTOR:
+            yield Message(
+                "warning",
+                "picks-misfit",
+                f"{text} So much is unusual: look whether labels are on different things, and "
+                "whether something was moved between the photos, such as a car.",
+            )
         else:
             yield Message("warning", "picks-less-exact", text)
     if picks.factor < BETTER_FACTOR and not by_likeness:

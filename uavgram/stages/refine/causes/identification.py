@@ -162,6 +162,8 @@ class IdentifiedCauses(NamedTuple):
         Number of its readings that were left out because they contradict the rest.
     judged
         Evidence of each cause.
+    restored
+        The survey with photos that had been left out, but fit without any cause; else None.
     """
 
     causes: tuple[Cause, ...]
@@ -173,6 +175,7 @@ class IdentifiedCauses(NamedTuple):
     fits: bool = False
     left_out: int = 0
     judged: tuple[JudgedHypothesis, ...] = ()
+    restored: Diagnosis | None = None
 
     def is_likelier(self, cost: float) -> bool:
         """Return whether there are causes, with odds of 20 to 1 against another explanation."""
@@ -232,6 +235,7 @@ def _identify_in_turn(
     judged: list[JudgedHypothesis] = []
     wrong, possible = frozenset[int](), tuple[JudgedHypothesis, ...]()
     stated, price = diagnosis, 0.0
+    restored: Diagnosis | None = None
     for _ in range(most):
         if not needs_cause(diagnosis) and not _are_taped_level(diagnosis):
             break
@@ -250,6 +254,8 @@ def _identify_in_turn(
         if best.after is None:
             break
         diagnosis = _take_back(best.after)
+        if best.hypothesis.message is None and best.hypothesis.back and not causes:
+            restored = diagnosis
     cost = diagnosis.cost + price
     return IdentifiedCauses(
         tuple(causes),
@@ -261,6 +267,7 @@ def _identify_in_turn(
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
         judged=tuple(judged),
+        restored=None if causes else restored,
     )
 
 
