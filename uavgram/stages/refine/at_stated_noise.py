@@ -176,11 +176,10 @@ def adjust_at_stated_noise(
         Explanation(one.after.adjustment, one.odds) for one in found.possible if one.after
     )
     explanations = (*explanations, other) if other else explanations
-    refined = replace(refined, possible=describe_possible(found.possible))
     return StatedNoiseAdjustment(
         given,
         survey,
-        refined,
+        replace(refined, possible=describe_possible(found.possible)),
         off_ground,
         causes,
         explanations,

@@ -24,6 +24,7 @@ from uavgram.model.message import (
 )
 from uavgram.model.naming import format_digits, join_names
 from uavgram.model.survey import Survey
+from uavgram.stages.refine.off_ground import MIN_HEIGHT_SIGMAS
 
 
 def predict_readings(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
@@ -188,6 +189,8 @@ def report_heights_left_out(
 ) -> Iterator[Message]:
     """Report each stated height that was left out, and the height that the photos show.
 
+    One that they do not contradict in the end is no finding: its point is only less certain.
+
     Parameters
     ----------
     survey
@@ -204,6 +207,8 @@ def report_heights_left_out(
         what = f"{label!r} is stated at {stated_m:.2f} m above the ground"
         shown = ""
         if row >= 0:
+            if abs(found[row] - stated_m) < MIN_HEIGHT_SIGMAS * sigma[row]:
+                continue
             shown = f", and the photos show it at {found[row]:.2f} ± {sigma[row]:.2f} m"
         text = (
             f"The stated height of {label!r} was left out: {what}{shown}. Measure its height "

@@ -355,14 +355,24 @@ UNCHECKED_PHOTOS = 2
 """Number of photos that determine the height of a point but leave its picks unchecked."""
 
 
+MIN_HEIGHT_SIGMAS = 3.0
+"""Difference of a height from the ground, or from a stated height, in its sigmas, below which
+nothing was found."""
+
+
 def report_off_ground(refined: Refined) -> Iterator[Message]:
-    """Report each label that was adjusted with a free height without a statement."""
+    """Report each label that was adjusted with a free height without a statement.
+
+    A height that may as well be zero is no finding: the point is only less certain.
+    """
     survey = refined.adjustment.survey
     height, sigma = compute_heights(refined.adjustment)
     photos = count_photos(survey)
     for row, label in enumerate(survey.label):
         if label in refined.off_ground:
             up, sigma_m, shown = float(height[row]), float(sigma[row]), int(photos[row])
+            if abs(up) < MIN_HEIGHT_SIGMAS * sigma_m:
+                continue
             message = off_ground_message(label, up, sigma_m, shown)
             if shown != UNCHECKED_PHOTOS:
                 yield message
