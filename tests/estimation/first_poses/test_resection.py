@@ -8,10 +8,13 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.resection import (
     Pose,
+    find_consensus,
     find_second_pose,
+    project_points,
     refine_pose,
     resect_each,
     resect_from_plane,
+    resect_in_space,
 )
 from uavgram.model.arrays import Floats
 
@@ -90,3 +93,36 @@ def test_many_poses_at_once_are_those_of_each_one() -> None:
         else:
             np.testing.assert_allclose(center[k], pose[0], atol=1e-6)
             np.testing.assert_allclose(rotation[k], pose[1], atol=1e-7)
+
+
+def on_cars(seed: int) -> tuple[Pose, Floats, Floats]:
+    """A camera 30 m above cambered ground, tilted by 60 degrees; points up to 1.4 m high."""
+    rng = np.random.default_rng(seed)
+    point = np.column_stack([rng.uniform(-15.0, 15.0, (16, 2)), rng.uniform(-0.3, 0.3, 16)])
+    point[:6, 2] += 1.1
+    rotation = DOWN @ Rotation.from_euler("x", 60.0, degrees=True).as_matrix()
+    center = np.array([0.0, 0.0, 30.0]) - [*(rotation[:2, 2] / -rotation[2, 2] * 30.0), 0.0]
+    seen = (point - center) @ rotation
+    return (center, rotation), point, np.asarray(seen / seen[:, 2:])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_pose_over_points_in_space_is_that_of_the_camera(seed: int) -> None:
+    (center, rotation), point, ray = on_cars(seed)
+    sigma = np.full(16, 3e-4)
+    every = np.stack([ray, ray * [1.02, 1.02, 1.0]])
+    found, turned = resect_in_space(point, every, sigma)
+    np.testing.assert_allclose(found[0], center, atol=1e-4)
+    np.testing.assert_allclose(turned[0], rotation, atol=1e-5)
+    np.testing.assert_allclose(project_points(point, (found[0], turned[0])), ray[:, :2], atol=1e-6)
+    ray[3] = np.nan
+    assert np.isnan(resect_in_space(point, ray, sigma)[0]).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_exchanged_points_of_cars_do_not_agree_with_the_others(seed: int) -> None:
+    _, point, ray = on_cars(seed)
+    ray[[2, 11]] = ray[[11, 2]]
+    agree = find_consensus(point, ray, np.full(16, 3e-4))
+    assert agree is not None
+    np.testing.assert_array_equal(np.flatnonzero(~agree), [2, 11])
