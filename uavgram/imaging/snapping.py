@@ -27,9 +27,6 @@ from uavgram.model.arrays import Bools, Floats
 CORNER_HALF_PX = 6
 """Half the window in which edges are used."""
 
-CIRCLE_HALF_PX = 48
-"""Half the window that must contain a round target completely."""
-
 MOST_SIGMA_PX = 0.5
 """Largest accepted sigma: a place known less well is no better than the click."""
 
@@ -38,9 +35,6 @@ SMALLEST_SIGMA_PX = 0.03
 
 _LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
 _LEAST_CONTRAST = 6.0  # in standard deviations of the noise
-_LEAST_ROUND = 0.75
-_FLATTEST = 0.3  # ratio of axes of a circle seen at 17 degrees above the ground
-_LEAST_AREA_PX = 12
 
 
 @dataclass(frozen=True)
@@ -83,47 +77,6 @@ def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     return _accept_place(corner[0] + first, sigma, "corner", otherwise)
 
 
-def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
-    """Find the centre of gravity of the round target under a pixel, or give the reason why not.
-
-    In an oblique view the centre of the image of a circle is not the image of its centre; for small
-    targets the difference is far below a pixel.
-
-    Parameters
-    ----------
-    photo
-        (height, width, 3) BGR.
-    u_px, v_px
-        Pixel of the click.
-    """
-    cut = _cut_around(photo, u_px, v_px, CIRCLE_HALF_PX)
-    if cut is None:
-        return "too close to the edge of the photo"
-    grey, first = cut
-    at = np.round(np.array([u_px, v_px]) - first).astype(int)
-    blob = _blob(grey, at)
-    if isinstance(blob, str):
-        return blob
-    inside = cv2.dilate(blob, np.ones((5, 5), np.uint8)).astype(bool)
-    around = cv2.dilate(blob, np.ones((9, 9), np.uint8)).astype(bool) & ~inside
-    values = grey.astype(np.float64)
-    ground, top = np.median(values[around]), np.median(values[blob.astype(bool)])
-    noise = max(_estimate_noise(grey), _LEAST_NOISE)
-    if abs(top - ground) < _LEAST_CONTRAST * noise:
-        return "the target hardly differs from its surroundings"
-    # Centre of gravity, with the coverage of each pixel by the target as weight.
-    share = np.where(inside, (values - ground) / (top - ground), 0.0)
-    v, u = np.mgrid[: grey.shape[0], : grey.shape[1]]
-    place = np.stack([u, v], axis=-1).astype(np.float64)
-    total = share.sum()
-    center = np.einsum("vu,vui->i", share, place) / total
-    # Variance propagation: each grey value moves the centre by (x - c) / (contrast * total).
-    arm = place[inside] - center
-    covariance = arm.T @ arm * (noise / ((top - ground) * total)) ** 2
-    sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    return _accept_place(center + first, sigma, "target", "the target is too faint")
-
-
 def _cut_around(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Floats] | None:
     """Cut grey surroundings of a pixel; return them and the pixel of their first corner."""
     height, width = photo.shape[:2]
@@ -146,28 +99,6 @@ def _estimate_noise(grey: Image) -> float:
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float64)
     response = cv2.filter2D(grey.astype(np.float64), -1, mask)[1:-1, 1:-1]
     return float(np.median(np.abs(response)) / 0.6745 / 6.0)
-
-
-def _blob(grey: Image, at: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Image | str:
-    """Segment the round patch of one brightness under a pixel, or give the reason why not."""
-    _, bright = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    if not bright[at[1], at[0]]:
-        bright = cv2.bitwise_not(bright)
-    _, part, stats, _ = cv2.connectedComponentsWithStats(bright, connectivity=4)
-    own = part[at[1], at[0]]
-    left, top, width, height, area = stats[own]
-    if left == 0 or top == 0 or left + width == grey.shape[1] or top + height == grey.shape[0]:
-        return "no closed target under the pointer"
-    if area < _LEAST_AREA_PX:
-        return "the target is too small"
-    blob = np.asarray(part == own, dtype=np.uint8)
-    outline = max(cv2.findContours(blob, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
-    (_, _), axes, _ = cv2.fitEllipse(outline) if len(outline) >= 5 else ((0, 0), (1, 1), 0)
-    ellipse = np.pi / 4 * axes[0] * axes[1]
-    filled = cv2.contourArea(outline)
-    if min(axes) <= _FLATTEST * max(axes) or not _LEAST_ROUND < filled / ellipse < 1 / _LEAST_ROUND:
-        return "the patch under the pointer is not round"
-    return np.asarray(cv2.drawContours(blob, [outline], -1, [1], cv2.FILLED), dtype=np.uint8)
 
 
 def _accept_place(

@@ -8,14 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.snapping import (
-    Region,
-    Snapped,
-    UnclearRegion,
-    snap_circle,
-    snap_corner,
-    snap_within,
-)
+from uavgram.imaging.snapping import Region, Snapped, UnclearRegion, snap_corner, snap_within
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
@@ -67,10 +60,8 @@ def snap_json(
         found = snap_within(photo, Region(*expected, pointer), corners=any_thing)
     else:
         found = snap_within(photo, Region.near(pointer), corners=False)
-        if isinstance(found, UnclearRegion) and not len(
-            found.place_px
-        ):  # no candidate: try the feature under the pointer
-            under = (snap_corner if any_thing else snap_circle)(photo, asked.u_px, asked.v_px)
+        if any_thing and isinstance(found, UnclearRegion) and not len(found.place_px):
+            under = snap_corner(photo, asked.u_px, asked.v_px)
             found = under if isinstance(under, Snapped) else replace(found, why=under)
     if isinstance(found, UnclearRegion):
         return {"t": "snapped", "why": found.why, "places_px": found.place_px.tolist()}
