@@ -13,11 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
 from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import Picks
 from uavgram.stages.ground_consensus import RAISED_HEIGHTS_M
@@ -215,9 +217,14 @@ def compute_stretches(affine: Floats) -> Floats:
     return np.asarray(np.abs(np.log(np.maximum(size, 1e-9))).max(axis=1))
 
 
+MIN_PX = 0.5
+"""Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
+distortion."""
+
+
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Set of n predicted places.
+    """Set of n predicted places of picks in other photos.
 
     Attributes
     ----------
@@ -232,6 +239,8 @@ class Candidates:
         photo, so it waits for the poses from ground points.
     is_alone
         (n,) whether only one photo shows such a label, so that its height is unknown.
+    adjustment
+        Adjustment that predicted the places; None where features did.
     """
 
     places: TransferredPixels
@@ -239,6 +248,51 @@ class Candidates:
     pick: Ints
     is_raised: Bools
     is_alone: Bools
+    adjustment: Adjustment | None = None
+
+    @cached_property
+    def radius_px(self) -> Floats:
+        """Half lengths (n,) of the 99.9 % regions of the places."""
+        return compute_radii(self.places.covariance_px2)
+
+    def select(self, rows: Ints) -> Candidates:
+        """Select some places by their rows."""
+        return Candidates(
+            self.places.select(rows),
+            tuple(self.pair[row] for row in rows),
+            self.pick[rows],
+            self.is_raised[rows],
+            self.is_alone[rows],
+            self.adjustment,
+        )
+
+    def holds(self, row: int, pixel_px: tuple[float, float], sigma_px: float = MIN_PX) -> bool:
+        """Return whether a pixel is in the 99.9 % region of a place.
+
+        Parameters
+        ----------
+        row
+            The place.
+        pixel_px, sigma_px
+            (u, v), and its sigma.
+        """
+        off = np.array(pixel_px) - self.places.pixel_px[row]
+        spread = self.places.covariance_px2[row] + sigma_px**2 * np.eye(2)
+        return bool(off @ np.linalg.solve(spread, off) <= REGION_SQUARED)
+
+    def list_contradicted(self, found: Mapping[int, Found]) -> list[Pair]:
+        """List the finds, by the row of their place, that others in the same photo contradict."""
+        if self.adjustment is None:
+            return []
+        wrong: list[Pair] = []
+        for image in dict.fromkeys(self.pair[row][0] for row in found):
+            own = {row: one for row, one in found.items() if self.pair[row][0] == image}
+            rows = np.array(list(own), dtype=np.int64)
+            joint = self.places.joint_covariance(self.adjustment, rows)
+            off = np.array([one.pixel_px for one in own.values()]) - self.places.pixel_px[rows]
+            sigma = np.hypot([one.sigma_px for one in own.values()], MIN_PX)
+            wrong += [self.pair[row] for row in rows[find_contradicted(off, joint, sigma)]]
+        return wrong
 
 
 def choose_next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
@@ -254,7 +308,7 @@ def choose_next_places(candidates: Candidates, wanted: Bools, record: Record) ->
         The search so far.
     """
     places, pairs, picks = candidates.places, candidates.pair, candidates.pick
-    radius, stretch = compute_radii(places.covariance_px2), compute_stretches(places.affine)
+    radius, stretch = candidates.radius_px, compute_stretches(places.affine)
     best: dict[Pair, int] = {}
     for row in np.argsort(stretch, kind="stable").tolist():
         pair = pairs[row]

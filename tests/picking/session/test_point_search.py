@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, ClassVar, cast
 
@@ -16,10 +17,14 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.least_squares import REASON_TEXTS, Matches, RefusalReason
+from uavgram.imaging.matching.least_squares import (
+    REASON_TEXTS,
+    Matches,
+    RefusalReason,
+    SoughtPoints,
+)
 from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.raster import Image
-from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import MeasurementRequest, Picks
 from uavgram.model.work import report_work
 from uavgram.picking.document.commands import Place
@@ -30,11 +35,17 @@ from uavgram.picking.session.point_search import OFF_GROUND, PickedTargets, Poin
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.watched_work import WatchedWork
 from uavgram.picking.session.workers import collect_observations
-from uavgram.pipeline.match.height_evidence import PredictedPlaces
-from uavgram.pipeline.match.search import Photos, Task
+from uavgram.pipeline.match import search as search_module
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import AdjustedPlaces
-from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair, Record
+from uavgram.stages.match import (
+    CONTRADICTED,
+    RAISED_PX,
+    REGION_SQUARED,
+    Candidates,
+    Found,
+    Pair,
+    Record,
+)
 
 LONGEST_WAIT_S = 20.0
 TARGETS = ("2.jpg", "3.jpg")
@@ -55,19 +66,13 @@ def adjusted(of: State, *frames: str) -> LiveAdjustment:
 LAST = adjusted(State(), *TARGETS)
 
 
-class Agreeing(AdjustedPlaces):
-    """Places of which some are contradicted, and labels off the ground."""
+class Agreeing(Candidates):
+    """Places of which some are contradicted."""
 
-    wrong: ClassVar[Collection[tuple[str, str]]] = ()
-    off_ground: ClassVar[Collection[str]] = ()
-    seen: ClassVar[list[set[Pair]]] = []
+    wrong: ClassVar[Collection[Pair]] = ()
 
-    def find_raised_labels(self, _: object, __: object, record: Record) -> set[str]:
-        self.seen.append(set(record.found))
-        return set(self.off_ground)
-
-    def mark_contradicted(self, rows: Ints, *_: Floats) -> Bools:
-        return np.array([(self.image[k], self.label[k]) in self.wrong for k in rows])
+    def list_contradicted(self, found: Mapping[int, Found]) -> list[Pair]:
+        return [self.pair[row] for row in found if self.pair[row] in self.wrong]
 
 
 class World:
@@ -93,7 +98,7 @@ class World:
         self.radius_px = 20.0
         self.refused: dict[str, RefusalReason] = {}
         self.looked: list[tuple[str, str]] = []
-        self.places: AdjustedPlaces | None = None
+        self.places: Candidates | None = None
         self.posed: tuple[str, ...] = TARGETS
         self.by_features: tuple[str, ...] = ()
         self.contradicted: dict[Pair, str] = {}
@@ -102,19 +107,24 @@ class World:
         self.sent: list[Any] = []  # for pages
         self.raised: tuple[str, ...] = ()
         self.off_ground: tuple[str, ...] = ()
+        self.seen: list[set[Pair]] = []
         self.adjustment = cast("Adjustment", SimpleNamespace())
         self.go_on, self.begun = threading.Event(), threading.Event()
         self.go_on.set()
 
     def expected(
         self, _: LiveSurvey, __: LiveAdjustment, picks: Picks, labels: Collection[str] | None
-    ) -> AdjustedPlaces:
+    ) -> Candidates:
         self.places = self.predicted(picks, labels, self.posed)
         return self.places
 
     def predicted(
-        self, picks: Picks, labels: Collection[str] | None, images: Collection[str]
-    ) -> AdjustedPlaces:
+        self,
+        picks: Picks,
+        labels: Collection[str] | None,
+        images: Collection[str],
+        radius_px: float | None = None,
+    ) -> Candidates:
         rows = [
             (i, image)
             for i, label in enumerate(picks.label)
@@ -124,7 +134,7 @@ class World:
             and image in images
         ]
         n, pick = len(rows), np.array([i for i, _ in rows], dtype=np.int64)
-        image = tuple(image for _, image in rows)
+        sigma_px = (radius_px or self.radius_px) / np.sqrt(REGION_SQUARED)
         both = np.tile(np.eye(2), (n, 1, 1))
         nothing = (
             np.zeros((n, 2)),
@@ -132,21 +142,27 @@ class World:
             np.zeros((n, 0), np.int64),
             np.zeros((n, 2, 6)),
         )
-        found = TransferredPixels(pick, image, np.full((n, 2), 50.0), both, both, *nothing)
-        label = tuple(picks.label[i] for i in pick)
-        radius, row = np.full(n, self.radius_px), np.arange(n)
-        Agreeing.wrong, Agreeing.off_ground = self.wrong, self.off_ground
-        raised = np.array([one in self.raised for one in label], np.bool_)
-        return Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
+        image = tuple(image for _, image in rows)
+        found = TransferredPixels(
+            pick, image, np.full((n, 2), 50.0), sigma_px**2 * both, both, *nothing
+        )
+        pairs = tuple((image, picks.label[i]) for i, image in rows)
+        Agreeing.wrong = self.wrong
+        raised = np.array([label in self.raised for _, label in pairs], np.bool_)
+        none = np.zeros(n, np.bool_)
+        return Agreeing(found, pairs, pick, raised, none, self.adjustment)
 
-    def predict(self, picks: Picks, is_wanted: Callable[[Pair], bool]) -> Iterator[PredictedPlaces]:
+    def predict(self, picks: Picks, is_wanted: Callable[[Pair], bool]) -> Iterator[Candidates]:
         wanted = [one for one in self.by_features if is_wanted((one, picks.label[0]))]
         if wanted:
             self.refused = {}
-            places = self.predicted(picks, None, wanted)
-            yield replace(places, radius_px=np.full(len(places), 5.0))
+            yield self.predicted(picks, None, wanted, 5.0)
 
-    inputs = None
+    def find_raised_labels(self, record: Record) -> set[str]:
+        self.seen.append(set(record.found))
+        return set(self.off_ground)
+
+    inputs = SimpleNamespace(project=SimpleNamespace(picks_sigma_px=1.0))
 
     def flight(self) -> object:
         return None
@@ -158,14 +174,12 @@ class World:
         self.posed = TARGETS
         return last, self.contradicted
 
-    def look(self, photos: Photos, work: Sequence[Task], count: int) -> Matches:
+    def look(self, _: Image, photo: Image, sought: SoughtPoints) -> Matches:
         self.begun.set()
         self.go_on.wait(LONGEST_WAIT_S)
-        why = np.zeros(count, np.int64)
-        for task in work:
-            photos.get(task.target)
-            self.looked += [(task.target, f"{u:.0f}") for u, _ in task.sought.source_px]
-            why[task.rows] = self.refused.get(task.target, RefusalReason.NONE)
+        target, count = f"{photo[0, 0]}.jpg", len(sought.source_px)
+        self.looked += [(target, f"{u:.0f}") for u, _ in sought.source_px]
+        why = np.full(count, self.refused.get(target, RefusalReason.NONE))
         pixel = np.where(why[:, None] > 0, np.nan, 50.5)
         return Matches(
             pixel_px=np.broadcast_to(pixel, (count, 2)),
@@ -179,7 +193,11 @@ class World:
 def decoded(name: str) -> Image:
     if name == "gone.jpg":
         raise InputError(name, "cannot be read")
-    return np.zeros((4, 4), np.uint8)
+    return np.full((4, 4), int(name[0]), np.uint8)
+
+
+def in_turn(look: Callable[[Any], Any], groups: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    return zip(groups, map(look, groups), strict=True)
 
 
 Told = list[tuple[Outcomes, set[str], int]]
@@ -193,7 +211,14 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     def begin(world: World) -> tuple[PointSearch, Told]:
         monkeypatch.setattr(module, "predict_places", world.expected)
         monkeypatch.setattr(module, "FeaturePlaces", lambda _: world)
-        monkeypatch.setattr(module, "search_places", world.look)
+        monkeypatch.setattr(module, "collect_height_evidence", lambda *args: args[3])
+        monkeypatch.setattr(module, "find_raised_labels", world.find_raised_labels)
+        quietly = partial(search_module.search_places, progress=lambda items, *_: items)
+        monkeypatch.setattr(module, "search_places", quietly)
+        monkeypatch.setattr(search_module, "match_points", world.look)
+        monkeypatch.setattr(
+            search_module, "prefetch", lambda do, all_: zip(all_, map(do, all_), strict=True)
+        )
         told: Told = []
         photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
         survey = cast("LiveSurvey", world)
@@ -254,7 +279,7 @@ def test_withdrawn_matches_remain_evidence_and_come_back_with_it(start: Start) -
     outcomes = search(seeker, state("A", "B"))
     assert all(one.found is not None for one in outcomes.values())
 
-    assert {pair for pair in Agreeing.seen[-1] if pair[1] == "A"} == {
+    assert {pair for pair in world.seen[-1] if pair[1] == "A"} == {
         ("2.jpg", "A"),
         ("3.jpg", "A"),
     }

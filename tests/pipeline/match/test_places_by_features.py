@@ -81,7 +81,7 @@ def test_only_photos_of_the_same_ground_are_searched(survey: LiveSurvey) -> None
     )
     found = list(FeaturePlaces(survey.inputs).predict(picks, lambda _: True))
 
-    (place,) = [one for one in found if len(one)]
-    assert (place.image, place.label) == (("b.png",), ("A",))
-    np.testing.assert_allclose(place.predicted.pixel_px, [[240.0, 180.0]], atol=0.5)
+    (place,) = [one for one in found if one.pair]
+    assert place.pair == (("b.png", "A"),)
+    np.testing.assert_allclose(place.places.pixel_px, [[240.0, 180.0]], atol=0.5)
     assert place.radius_px[0] < 5.0

@@ -245,6 +245,6 @@ def test_a_photo_with_finds_alone_is_placed_and_a_wrong_find_is_named(
     assert misled[wrong] == CONTRADICTED
     places = predict_places(survey, adjusted, observed.picks)
     assert places is not None
-    row = list(zip(places.image, places.label, strict=True)).index((OTHER, labels[-1]))
-    off = places.predicted.pixel_px[places.row[row]] - there[labels[-1]][:2]
+    row = places.pair.index((OTHER, labels[-1]))
+    off = places.places.pixel_px[row] - there[labels[-1]][:2]
     assert np.linalg.norm(off) < min(places.radius_px[row], 5.0)

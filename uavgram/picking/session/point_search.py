@@ -19,11 +19,11 @@ import numpy as np
 
 from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.solver.normal_equations import SingularError
-from uavgram.imaging.matching.least_squares import Matches, RefusalReason
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
 from uavgram.imaging.matching.match import compute_worst_quarter_correlation
 from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.targets.uncoded import UncodedTarget
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.observations import Picks
 from uavgram.model.work import report_work
 from uavgram.picking.document import commands as c
@@ -32,20 +32,21 @@ from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.picking.session.watched_work import StoppedError, WatchedWork
 from uavgram.picking.session.workers import LatestTask
-from uavgram.pipeline.match.height_evidence import PredictedPlaces
+from uavgram.pipeline.match.height_evidence import collect_height_evidence
 from uavgram.pipeline.match.places_by_features import FeaturePlaces
-from uavgram.pipeline.match.search import describe_miss, group_by_photos, search_places
+from uavgram.pipeline.match.search import search_places
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import AdjustedPlaces, predict_places
+from uavgram.pipeline.pick.places import predict_places
 from uavgram.pipeline.targets import make_pick_row, recognise_picked, recognise_same
 from uavgram.stages.match import (
     CONTRADICTED,
     MAX_RADIUS_PX,
     NARROWED_SHARE,
+    Candidates,
     Found,
     Missed,
     Record,
-    pick_sigmas,
+    find_raised_labels,
 )
 
 log = logging.getLogger(__name__)
@@ -179,7 +180,7 @@ class PointSearch:
         if last is not None and places is not None:
             self._seek_by_poses(wanted, places, picks)
             vague = self._find_vague_photos(places)
-            sharp = {*last.adjustment.survey.frame_id, *places.image} - vague
+            sharp = {*last.adjustment.survey.frame_id, *(image for image, _ in places.pair)} - vague
 
         def is_vague(pair: Pair) -> bool:
             return (pair[0] in vague or not (by_log or pair[0] in sharp)) and (
@@ -190,17 +191,17 @@ class PointSearch:
         if last is not None:
             self._seek_by_finds(wanted, last, picks, labels, is_vague)
 
-    def _seek_by_poses(self, wanted: SearchInput, places: AdjustedPlaces, picks: Picks) -> None:
+    def _seek_by_poses(self, wanted: SearchInput, places: Candidates, picks: Picks) -> None:
         """Search where an adjustment predicts picks."""
         self._look(places, wanted, picks)
         self._withdraw(places)
         self._withdraw_raised(places, picks)
 
-    def _find_vague_photos(self, places: PredictedPlaces) -> set[str]:
+    def _find_vague_photos(self, places: Candidates) -> set[str]:
         """Return photos with a large region in which nothing was found as predicted."""
         outcomes = self._outcomes
         large, found = set[str](), set[str]()
-        for row, pair in enumerate(zip(places.image, places.label, strict=True)):
+        for row, pair in enumerate(places.pair):
             if places.radius_px[row] > MAX_RADIUS_PX:
                 large.add(pair[0])
             one = outcomes.get(pair)
@@ -257,38 +258,28 @@ class PointSearch:
         if places is not None:
             self._seek_by_poses(wanted, places, picks)
 
-    def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> None:
+    def _look(self, places: Candidates, wanted: SearchInput, picks: Picks) -> None:
         """Search unknown places."""
         rows, done = self._unknown(places, wanted.state), 0
         for some in self._batches(places, rows):
             report_work(f"look in other photos: {done} of {len(rows)} places")
-            self._take(places, some, picks, self._search_places(places, some, picks))
+            self._take(places, some, picks)
             done += len(some)
         report_work()
 
-    def _withdraw(self, places: AdjustedPlaces) -> None:
+    def _withdraw(self, places: Candidates) -> None:
         """Withdraw proposals that other matches in the same photo contradict."""
-        at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
-        by_photo: dict[str, dict[Pair, c.Place]] = {}
-        outcomes = self._outcomes
+        at = {pair: row for row, pair in enumerate(places.pair)}
+        outcomes, found = self._outcomes, dict[int, Found]()
         for pair, one in outcomes.items():
-            if (
-                one.found is not None
-                and one.source is not None
-                and pair in at
-                and _is_judged(one, places, at[pair])
-            ):
-                by_photo.setdefault(pair[0], {})[pair] = one.found
-        wrong: list[Pair] = []
-        for own in by_photo.values():
-            pixel = np.array([(one.u_px, one.v_px) for one in own.values()])
-            sigma = np.array([one.sigma_px for one in own.values()], dtype=np.float64)
-            out = places.mark_contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
-            wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
-        for pair in wrong:
+            if one.found is None or one.source is None or pair not in at:
+                continue
+            if _is_judged(one, places, at[pair]):
+                found[at[pair]] = _as_find(int(places.pick[at[pair]]), one.found, one.radius_px)
+        for pair in places.list_contradicted(found):
             outcomes[pair] = replace(outcomes[pair], found=None, why=CONTRADICTED)
 
-    def _withdraw_raised(self, places: AdjustedPlaces, picks: Picks) -> None:
+    def _withdraw_raised(self, places: Candidates, picks: Picks) -> None:
         """Withdraw proposals on the ground of labels that are more likely off it.
 
         They remain evidence, and are proposed again once they show the label on the ground.
@@ -308,7 +299,7 @@ class PointSearch:
             elif pick is not None:
                 results[pair] = Missed(pick, one.radius_px, one.why)
         record = Record().add_results(results)
-        raised = places.find_raised_labels(self._survey, picks, record)
+        raised = self._find_raised_labels(places, picks, record)
         for pair in record.found:
             one = outcomes[pair]
             if pair[1] in raised and one.found is not None:
@@ -316,82 +307,76 @@ class PointSearch:
             elif pair[1] not in raised and one.withdrawn is not None:
                 outcomes[pair] = replace(one, found=one.withdrawn, why="", withdrawn=None)
 
-    def _unknown(self, places: PredictedPlaces, state: State) -> Ints:
+    def _find_raised_labels(self, places: Candidates, picks: Picks, record: Record) -> set[str]:
+        """Find labels without a height that are more likely off the ground than on it."""
+        if places.adjustment is None:
+            return set()
+        sigma_px = self._survey.inputs.project.picks_sigma_px
+        evidence = collect_height_evidence(places.adjustment, picks, places, record, sigma_px)
+        return find_raised_labels(evidence)
+
+    def _unknown(self, places: Candidates, state: State) -> Ints:
         """Return the rows (n,) of places to search, the best predicted first."""
         picked = {pick.key for pick in state.picks}
         outcomes, rows = self._outcomes, []
-        for row, pair in enumerate(zip(places.image, places.label, strict=True)):
+        for row, pair in enumerate(places.pair):
             if pair not in picked and _is_open(outcomes.get(pair), places, row):
                 rows.append(row)
         order = np.argsort(places.radius_px[rows], kind="stable")
         return np.array(rows, dtype=np.int64)[order]
 
-    def _batches(self, places: PredictedPlaces, rows: Ints) -> Iterator[Ints]:
+    def _batches(self, places: Candidates, rows: Ints) -> Iterator[Ints]:
         """Yield the places in decoded photos; then the others, photo by photo."""
-        ready = np.array([self._photos.photos.has(places.image[row]) for row in rows], np.bool_)
+        ready = np.array([self._photos.photos.has(places.pair[row][0]) for row in rows], np.bool_)
         for first in range(0, int(ready.sum()), BATCH_SIZE):
             yield rows[ready][first : first + BATCH_SIZE]
         later: dict[str, list[int]] = {}
         for row in rows[~ready].tolist():
-            later.setdefault(places.image[row], []).append(row)
+            later.setdefault(places.pair[row][0], []).append(row)
         for own in later.values():
             yield np.array(own, dtype=np.int64)
 
-    def _search_places(self, places: PredictedPlaces, rows: Ints, picks: Picks) -> Matches | str:
-        """Return the matches at some places, or the reason if a photo cannot be read."""
-        source = [picks.image[i] for i in places.pick[rows]]
-        target = [places.image[row] for row in rows]
-        work = group_by_photos(source, target, places.sought(picks, rows))
+    def _search_places(
+        self, places: Candidates, rows: Ints, picks: Picks
+    ) -> dict[Pair, Found | Missed]:
+        """Return the results at some places; those in photos that cannot be read are missed."""
         try:
-            return search_places(self._photos.photos, work, len(rows))
+            return search_places(self._photos.photos, places, rows, picks)
         except InputError as why:
             log.warning("not sought: %s", why)
-            return f"the photo cannot be read: {why}"
+            text = f"the photo cannot be read: {why}"
+            return {
+                places.pair[row]: Missed(int(places.pick[row]), float(places.radius_px[row]), text)
+                for row in rows.tolist()
+            }
 
-    def _take(
-        self, places: PredictedPlaces, rows: Ints, picks: Picks, found: Matches | str
-    ) -> None:
-        """Store and report the results at some places (n,).
-
-        Parameters
-        ----------
-        places, rows
-            Searched places.
-        picks
-            Picks that were searched for.
-        found
-            Matches there, or the reason why none could be searched.
-        """
-        new, stated = {}, _compute_pick_sigmas(found, places.is_raised[rows])
-        for k, row in enumerate(rows.tolist()):
-            i, image, label = int(places.pick[row]), places.image[row], places.label[row]
-            (u, v), at = picks.pixel_px[i].tolist(), picks.image[i]
-            outcome = Outcome(source=(at, u, v), radius_px=float(places.radius_px[row]))
-            if isinstance(found, str):
-                new[image, label] = replace(outcome, why=found)
-            elif found.refused[k]:
-                why, asked = (
-                    describe_miss(int(found.refused[k])),
-                    found.refused[k] != RefusalReason.OUTSIDE,
-                )
-                new[image, label] = replace(outcome, why=why, is_asked=bool(asked))
+    def _take(self, places: Candidates, rows: Ints, picks: Picks) -> None:
+        """Search some places (n,) for picks; store and report the results."""
+        new = {}
+        found = self._search_places(places, rows, picks)
+        for row, (pair, one) in zip(rows.tolist(), found.items(), strict=True):
+            (u, v), at = picks.pixel_px[one.pick].tolist(), picks.image[one.pick]
+            outcome = Outcome(source=(at, u, v), radius_px=one.radius_px)
+            if isinstance(one, Missed):
+                asked = one.why != REASON_TEXTS[RefusalReason.OUTSIDE]
+                new[pair] = replace(outcome, why=one.why, is_asked=asked)
             else:
                 place = c.Place(
-                    image=image,
-                    label=label,
-                    u_px=round(float(found.pixel_px[k, 0]), 3),
-                    v_px=round(float(found.pixel_px[k, 1]), 3),
-                    sigma_px=round(float(stated[k]), 4),
+                    image=pair[0],
+                    label=pair[1],
+                    u_px=one.pixel_px[0],
+                    v_px=one.pixel_px[1],
+                    sigma_px=one.sigma_px,
                     source="match",
-                    score=round(float(found.score[k]), 4),
+                    score=one.score,
                     from_image=at,
                     from_u_px=u,
                     from_v_px=v,
                 )
-                turn = places.affine[row]
+                turn = places.places.affine[row]
                 alike = self._likeness(place, turn) >= MIN_CORRELATION
                 own = self._targets.target_at(place, turn)
-                new[image, label] = replace(outcome, found=own, is_alike=alike)
+                new[pair] = replace(outcome, found=own, is_alike=alike)
         self._outcomes |= new
         self.proposed.put({pair: one for pair, one in new.items() if pair not in self._shown})
 
@@ -410,14 +395,7 @@ def _as_find(pick: int, place: c.Place, radius_px: float) -> Found:
     return Found(pick, pixel, place.sigma_px or np.nan, place.score or np.nan, radius_px)
 
 
-def _compute_pick_sigmas(found: Matches | str, is_raised: Bools) -> Floats:
-    """Return the sigmas (n,) that picks at the matches would have; NaN without matches."""
-    if isinstance(found, str):
-        return np.full(len(is_raised), np.nan)
-    return pick_sigmas(found.covariance_px2, is_raised)
-
-
-def _is_open(outcome: Outcome | None, places: PredictedPlaces, row: int) -> bool:
+def _is_open(outcome: Outcome | None, places: Candidates, row: int) -> bool:
     """Return whether to search a place: for the first time, or since it is far better predicted."""
     if outcome is None:
         return True
@@ -429,7 +407,7 @@ def _is_open(outcome: Outcome | None, places: PredictedPlaces, row: int) -> bool
     return bool(places.radius_px[row] < NARROWED_SHARE * outcome.radius_px)
 
 
-def _is_judged(outcome: Outcome, places: PredictedPlaces, row: int) -> bool:
+def _is_judged(outcome: Outcome, places: Candidates, row: int) -> bool:
     """Return whether a place is predicted at least as well as what was found there before."""
     return bool(places.radius_px[row] <= outcome.radius_px)
 

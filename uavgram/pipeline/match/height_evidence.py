@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.measuring.predicted_pixels import (
+    FlightOfPhotos,
     PickedPixels,
-    TransferredPixels,
     transfer_between_picks,
+    transfer_pixels,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason, SoughtPoints
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.observations import Picks
 from uavgram.pipeline.match.selection import find_sources, list_labels_without_height
-from uavgram.stages.match import REGION_SQUARED, Candidates, HeightEvidence, Missed, Record
-
-MIN_PX = 0.5
-"""Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
-distortion."""
+from uavgram.stages.match import (
+    MIN_PX,
+    REGION_SQUARED,
+    Candidates,
+    HeightEvidence,
+    Missed,
+    Record,
+)
 
 UNSEARCHED = {REASON_TEXTS[why] for why in (RefusalReason.OUTSIDE, RefusalReason.TOO_FAR)}
 """Reasons of searches that did not look at the whole region."""
@@ -82,8 +85,13 @@ def collect_height_evidence(
 
 def _compare_picks(adjustment: Adjustment, picks: Picks, sigma_px: float) -> list[_Seen]:
     """Compare the hand picks of each label with the places that its first one has on the ground."""
-    clicked, rows = locate_picks(adjustment, picks)
-    places = transfer_between_picks(adjustment, clicked)
+    survey = adjustment.survey
+    rows = [
+        i
+        for i in np.flatnonzero(picks.of_source("hand")).tolist()
+        if picks.image[i] in survey.frame_id and picks.label[i] in survey.label
+    ]
+    places = transfer_between_picks(adjustment, _locate_picks(adjustment, picks, rows))
     first: dict[str, int] = {}
     other = {(picks.image[i], picks.label[i]): i for i in rows}
     sigma = np.where(np.isnan(picks.sigma_px), sigma_px, picks.sigma_px)
@@ -99,22 +107,46 @@ def _compare_picks(adjustment: Adjustment, picks: Picks, sigma_px: float) -> lis
     return seen
 
 
-def locate_picks(adjustment: Adjustment, picks: Picks) -> tuple[PickedPixels, list[int]]:
-    """Return the hand picks whose photo and label are adjusted, and their numbers."""
-    survey = adjustment.survey
-    frame = {name: k for k, name in enumerate(survey.frame_id)}
-    label = {name: k for k, name in enumerate(survey.label)}
-    rows = [
-        i
-        for i in np.flatnonzero(picks.of_source("hand")).tolist()
-        if picks.image[i] in frame and picks.label[i] in label
-    ]
-    clicked = PickedPixels(
+def _locate_picks(adjustment: Adjustment, picks: Picks, rows: Sequence[int]) -> PickedPixels:
+    """Return picks, by their numbers, whose photo and label are adjusted."""
+    frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
+    label = {name: k for k, name in enumerate(adjustment.survey.label)}
+    return PickedPixels(
         np.array([frame[picks.image[i]] for i in rows], dtype=np.int64),
         np.array([label[picks.label[i]] for i in rows], dtype=np.int64),
-        picks.pixel_px[rows].reshape(-1, 2),
+        picks.pixel_px[np.array(rows, dtype=np.int64)].reshape(-1, 2),
     )
-    return clicked, rows
+
+
+def predict_candidates(
+    adjustment: Adjustment,
+    flight: FlightOfPhotos | None,
+    picks: Picks,
+    rows: Sequence[int],
+    is_alone: Bools,
+) -> Candidates:
+    """Predict the places of picks in all other photos that should show them.
+
+    Parameters
+    ----------
+    adjustment, flight
+        The adjusted survey, and the flight of all photos with telemetry.
+    picks, rows
+        All picks, and numbers of those to predict: their photo and label are adjusted.
+    is_alone
+        (K,) adjusted labels off the ground of unknown height.
+    """
+    clicked = _locate_picks(adjustment, picks, rows)
+    places = transfer_pixels(adjustment, flight, clicked)
+    pick, label = np.array(rows, dtype=np.int64)[places.click], clicked.label[places.click]
+    return Candidates(
+        places,
+        tuple((name, picks.label[i]) for name, i in zip(places.frame_id, pick, strict=True)),
+        pick,
+        adjustment.survey.off_ground[label],
+        is_alone[label],
+        adjustment,
+    )
 
 
 def is_informative(candidates: Candidates, row: int, missed: Missed) -> bool:
@@ -137,73 +169,3 @@ def is_informative(candidates: Candidates, row: int, missed: Missed) -> bool:
     off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])
     spread = places.covariance_px2[row] + MIN_PX**2 * np.eye(2)
     return bool(off**2 <= REGION_SQUARED * (across @ spread @ across))
-
-
-def make_search_places(
-    places: TransferredPixels, rows: Ints, picks: Picks, pick: Ints
-) -> SoughtPoints:
-    """Convert predicted places to the input of the matching.
-
-    Parameters
-    ----------
-    places, rows
-        Predicted places, and numbers (m,) of those to search for.
-    picks, pick
-        All picks, and (m,) rows of those whose points are searched for.
-    """
-    by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
-    photos = Counter(label for _, label in {(picks.image[i], picks.label[i]) for i in by_hand})
-    return SoughtPoints(
-        is_confirmed=np.array([photos[picks.label[i]] > 1 for i in pick], dtype=np.bool_),
-        source_px=picks.pixel_px[pick],
-        target_px=places.pixel_px[rows],
-        covariance_px2=places.covariance_px2[rows] + MIN_PX**2 * np.eye(2),
-        affine=places.affine[rows],
-        rise=places.rise[rows],
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedPlaces:
-    """Set of n predicted places of picks in other photos.
-
-    Attributes
-    ----------
-    pick
-        (n,) number of the pick that each is predicted from.
-    image, label
-        (n,) the photo, and the label.
-    radius_px
-        (n,) half lengths of the regions that hold 99.9 %.
-    is_raised
-        (n,) whether the point is off the ground.
-    row, predicted
-        (n,) row of each among the predictions, and all of these.
-    """
-
-    pick: Ints
-    image: tuple[str, ...]
-    label: tuple[str, ...]
-    radius_px: Floats
-    is_raised: Bools
-    row: Ints
-    predicted: TransferredPixels
-
-    def __len__(self) -> int:
-        return len(self.image)
-
-    @property
-    def affine(self) -> Floats:
-        """Affine maps (n, 2, 2): d pixel there / d pixel of the pick."""
-        return self.predicted.affine[self.row]
-
-    def holds(self, row: int, pixel_px: tuple[float, float]) -> bool:
-        """Return whether a pixel is within the region of a place."""
-        at = self.row[row]
-        off = np.array(pixel_px) - self.predicted.pixel_px[at]
-        covariance = self.predicted.covariance_px2[at] + MIN_PX**2 * np.eye(2)
-        return bool(off @ np.linalg.solve(covariance, off) <= REGION_SQUARED)
-
-    def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
-        """Convert places to the input of the matching."""
-        return make_search_places(self.predicted, self.row[rows], picks, self.pick[rows])

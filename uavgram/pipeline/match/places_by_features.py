@@ -21,11 +21,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration
 from uavgram.model.observations import Picks
 from uavgram.model.work import report_work
-from uavgram.pipeline.match.height_evidence import PredictedPlaces
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.pipeline.ties import PairComparison, scale_of
-from uavgram.stages.match import MAX_RADIUS_PX, Pair, compute_radii
+from uavgram.stages.match import MAX_RADIUS_PX, Candidates, Pair, compute_radii
 
 NEIGHBOURS = 24
 """Number of features about a pick from which its place is predicted: four for each unknown of the
@@ -99,7 +98,7 @@ class FeaturePlaces:
         )
         self._matched: dict[tuple[str, str], tuple[Floats, Floats]] = {}
 
-    def predict(self, picks: Picks, is_wanted: Callable[[Pair], bool]) -> Iterator[PredictedPlaces]:
+    def predict(self, picks: Picks, is_wanted: Callable[[Pair], bool]) -> Iterator[Candidates]:
         """Predict picks of the ground in nearby photos, photo by photo.
 
         Parameters
@@ -133,7 +132,7 @@ class FeaturePlaces:
         return [self._names[k] for k in order[1 : NEARBY + 1]]
 
     @limit_blas_threads
-    def _predict(self, source: str, target: str, picks: Picks, rows: list[int]) -> PredictedPlaces:
+    def _predict(self, source: str, target: str, picks: Picks, rows: list[int]) -> Candidates:
         """Predict picks of one photo in another; those without certain features are left out."""
         here, there = self._compare(source, target)
         calibration = self._calibration
@@ -148,27 +147,19 @@ class FeaturePlaces:
                 and _is_inside(calibration, one.pixel_px)
             }
         taken, n = list(maps), len(maps)
-        covariance = np.array([one.covariance_px2 for one in maps.values()]).reshape(n, 2, 2)
         found = TransferredPixels(
             click=np.arange(n),
             frame_id=(target,) * n,
             pixel_px=np.array([one.pixel_px for one in maps.values()]).reshape(n, 2),
-            covariance_px2=covariance,
+            covariance_px2=np.array([one.covariance_px2 for one in maps.values()]).reshape(n, 2, 2),
             affine=np.array([one.affine for one in maps.values()]).reshape(n, 2, 2),
             rise=np.zeros((n, 2)),
             jacobian=np.empty((n, 2, 0)),
             columns=np.empty((n, 0), np.int64),
             own=np.zeros((n, 2, 6)),
         )
-        return PredictedPlaces(
-            pick=np.array(taken, dtype=np.int64),
-            image=found.frame_id,
-            label=tuple(picks.label[i] for i in taken),
-            radius_px=compute_radii(covariance),
-            is_raised=np.zeros(n, np.bool_),
-            row=found.click,
-            predicted=found,
-        )
+        pairs, none = tuple((target, picks.label[i]) for i in taken), np.zeros(n, np.bool_)
+        return Candidates(found, pairs, np.array(taken, dtype=np.int64), none, none)
 
     def _compare(self, source: str, target: str) -> tuple[Floats, Floats]:
         """Return the verified matches (n, 2), (n, 2) of two photos; none if one is unreadable."""

@@ -7,7 +7,7 @@ give them a pose.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,11 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.measuring.predicted_pixels import (
-    FlightOfPhotos,
-    PickedPixels,
-    transfer_pixels,
-)
+from uavgram.estimation.measuring.predicted_pixels import FlightOfPhotos
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.imaging.matching.least_squares import (
@@ -28,7 +24,7 @@ from uavgram.imaging.matching.least_squares import (
     RefusalReason,
     SoughtPoints,
 )
-from uavgram.imaging.matching.line_of_sight import SightLine, match_along_line
+from uavgram.imaging.matching.line_of_sight import LineMatches, SightLine, match_along_line
 from uavgram.imaging.matching.match import match_points
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.raster import Image
@@ -36,11 +32,7 @@ from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 from uavgram.model.observations import Picks
 from uavgram.pipeline.match.adjustment import MIN_HEIGHT_M, BaseAdjustment, find_blank_labels
-from uavgram.pipeline.match.height_evidence import (
-    MIN_PX,
-    collect_height_evidence,
-    make_search_places,
-)
+from uavgram.pipeline.match.height_evidence import collect_height_evidence, predict_candidates
 from uavgram.pipeline.match.places_by_features import FeaturePlaces
 from uavgram.pipeline.match.selection import list_labels_without_height
 from uavgram.pipeline.parallel import Progress, prefetch, silent
@@ -48,6 +40,7 @@ from uavgram.stages.match import (
     CONTRADICTED,
     EVEN_ODDS,
     MAX_RADIUS_PX,
+    MIN_PX,
     REGION_SQUARED,
     Candidates,
     Found,
@@ -56,8 +49,6 @@ from uavgram.stages.match import (
     Record,
     choose_lines,
     choose_next_places,
-    compute_radii,
-    find_contradicted,
     find_raised_labels,
     pick_sigmas,
     shows_ground,
@@ -70,54 +61,24 @@ Photos = LruCache[str, Image]
 """Grey photos by name, decoded once while they are kept."""
 
 
-class Task(NamedTuple):
-    """Places of one photo that are sought in another; `rows` are their numbers."""
-
-    source: str
-    target: str
-    rows: Ints
-    sought: SoughtPoints
-
-
 def load_grey_photos(paths: Mapping[str, str]) -> Photos:
     """Return photos by name that are decoded on demand, in the stored orientation."""
     return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MAX_BYTES)
 
 
-def group_by_photos(
-    source: Sequence[str], target: Sequence[str], sought: SoughtPoints
-) -> list[Task]:
-    """Group places (n,) by photos, so that neighbours in the list share a photo.
-
-    Parameters
-    ----------
-    source, target
-        (n,) photo of the pick, and photo to search.
-    sought
-        The places.
-    """
-    groups: dict[tuple[str, str], list[int]] = {}
-    for row, pair in enumerate(zip(target, source, strict=True)):
-        groups.setdefault(pair, []).append(row)
-    return [
-        Task(here, there, np.array(rows), replace(sought, **rows_of(sought, np.array(rows))))
-        for (there, here), rows in sorted(groups.items())
-    ]
-
-
 def search_places(
-    photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent
-) -> Matches:
-    """Search for places, and return the finds in their order.
+    photos: Photos, candidates: Candidates, rows: Ints, picks: Picks, progress: Progress = silent
+) -> dict[Pair, Found | Missed]:
+    """Search for places, and return the results in their order.
 
     Parameters
     ----------
     photos
         Grey, by name.
-    work
-        The places.
-    count
-        Number of all of them.
+    candidates, rows
+        Predicted places, and those to search for: each photo and label once.
+    picks
+        All picks.
     progress
         Shows long loops.
 
@@ -126,27 +87,63 @@ def search_places(
     InputError
         A photo cannot be read.
     """
-    found: dict[str, Floats | Ints] = {
-        "pixel_px": np.full((count, 2), np.nan),
-        "covariance_px2": np.full((count, 2, 2), np.nan),
-        "sigma_px": np.full(count, np.nan),
-        "score": np.zeros(count),
-        "refused": np.full(count, int(RefusalReason.OUTSIDE)),
-    }
-    done = prefetch(lambda task: _run_task(photos, task), work)
-    for task, one in progress(done, "looking in the photos", len(work)):
-        for name, values in found.items():
-            values[task.rows] = getattr(one, name)
-    return Matches(**found)  # type: ignore[arg-type]
+    places, pick = candidates.places.select(rows), candidates.pick[rows]
+    by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
+    count = Counter(label for _, label in {(picks.image[i], picks.label[i]) for i in by_hand})
+    sought = SoughtPoints(
+        is_confirmed=np.array([count[picks.label[i]] > 1 for i in pick], dtype=np.bool_),
+        source_px=picks.pixel_px[pick],
+        target_px=places.pixel_px,
+        covariance_px2=places.covariance_px2 + MIN_PX**2 * np.eye(2),
+        affine=places.affine,
+        rise=places.rise,
+    )
+    # Places in the same two photos are searched together, photo by photo.
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k, row in enumerate(rows.tolist()):
+        target, source = candidates.pair[row][0], picks.image[pick[k]]
+        groups.setdefault((target, source), []).append(k)
+
+    def look(group: tuple[tuple[str, str], list[int]]) -> Matches:
+        (target, source), some = group
+        own = replace(sought, **rows_of(sought, np.array(some)))
+        return match_points(photos.get(source), photos.get(target), own)
+
+    results: dict[Pair, Found | Missed] = {}
+    done = prefetch(look, sorted(groups.items()))
+    for (_, some), found in progress(done, "looking in the photos", len(groups)):
+        own = rows[some]
+        results |= _make_results(found, candidates, own, candidates.is_raised[own])
+    return {pair: results[pair] for pair in (candidates.pair[row] for row in rows)}
 
 
-def describe_miss(refused: int) -> str:
-    """Describe why a place was not found."""
-    return REASON_TEXTS[RefusalReason(refused)]
+def _make_results(
+    found: Matches | LineMatches, candidates: Candidates, rows: Ints, is_raised: Bools
+) -> dict[Pair, Found | Missed]:
+    """Make the results of the matching at places.
 
-
-def _run_task(photos: Photos, task: Task) -> Matches:
-    return match_points(photos.get(task.source), photos.get(task.target), task.sought)
+    Parameters
+    ----------
+    found
+        Its first n values are those of the places.
+    candidates, rows
+        All places, and (n,) those that were searched for.
+    is_raised
+        Whether the points are off the ground.
+    """
+    stated = pick_sigmas(found.covariance_px2, is_raised)
+    results: dict[Pair, Found | Missed] = {}
+    for k, row in enumerate(rows.tolist()):
+        pick, radius = int(candidates.pick[row]), float(candidates.radius_px[row])
+        result: Found | Missed
+        if found.refused[k]:
+            result = Missed(pick, radius, REASON_TEXTS[RefusalReason(int(found.refused[k]))])
+        else:
+            u, v = np.round(found.pixel_px[k], 3).tolist()
+            sigma, score = round(float(stated[k]), 4), round(float(found.score[k]), 3)
+            result = Found(pick, (u, v), sigma, score, radius)
+        results[candidates.pair[row]] = result
+    return results
 
 
 HEIGHTS_M = -0.5, MIN_HEIGHT_M, 10.0
@@ -199,10 +196,9 @@ def search_sightlines(
     known = np.linalg.eigvalsh(covariance)[:, 0] < ASIDE_PX**2
     known &= np.isin([candidates.pair[row][0] for row in rows], adjustment.survey.frame_id)
     results: dict[Pair, Found | Missed] = {}
-    for row, far in zip(
-        rows[~known].tolist(), compute_radii(covariance[~known]).tolist(), strict=True
-    ):
-        too_far = Missed(int(candidates.pick[row]), far, REASON_TEXTS[RefusalReason.TOO_FAR])
+    for row in rows[~known].tolist():
+        pick, far = int(candidates.pick[row]), float(candidates.radius_px[row])
+        too_far = Missed(pick, far, REASON_TEXTS[RefusalReason.TOO_FAR])
         results[candidates.pair[row]] = too_far
     rows = rows[known]
     chosen = np.unique(candidates.pick[rows]).tolist()
@@ -229,7 +225,7 @@ def _search_pick(
     rows
         Its places, in adjusted photos.
     """
-    pick, pairs = int(candidates.pick[rows[0]]), [candidates.pair[row] for row in rows]
+    pick = int(candidates.pick[rows[0]])
     frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     of = frame[picks.image[pick]], adjustment.label_index(picks.label[pick])
     by_photo = {  # one pick in each other photo: a repetition is no other view
@@ -238,29 +234,18 @@ def _search_pick(
         if picks.label[i] == picks.label[pick] and picks.image[i] in frame
     }
     picked = [i for image, i in by_photo.items() if image != picks.image[pick]]
-    names = [*(image for image, _ in pairs), *(picks.image[i] for i in picked)]
+    names = [*(candidates.pair[row][0] for row in rows), *(picks.image[i] for i in picked)]
     line = project_sightline(
         adjustment, of, np.array([frame[name] for name in names]), picks.pixel_px[pick]
     )
     stated = np.where(np.isnan(picks.sigma_px), sigma_px, picks.sigma_px)
     agrees = _agrees(
-        line, slice(len(pairs), None), picks.pixel_px[picked], (stated[pick], stated[picked])
+        line, slice(len(rows), None), picks.pixel_px[picked], (stated[pick], stated[picked])
     )
     line.pixel_px[~agrees] = np.nan
     source = photos.get(picks.image[pick])
     found = match_along_line(source, [photos.get(name) for name in names], line)
-    sigma = pick_sigmas(found.covariance_px2, np.ones(len(names), np.bool_))
-    radius = compute_radii(candidates.places.covariance_px2[rows]).tolist()
-    results: dict[Pair, Found | Missed] = {}
-    for k, pair in enumerate(pairs):
-        if found.refused[k]:
-            why = REASON_TEXTS[RefusalReason(int(found.refused[k]))]
-            results[pair] = Missed(pick, radius[k], why)
-        else:
-            u, v = np.round(found.pixel_px[k], 3).tolist()
-            own, score = round(float(sigma[k]), 4), round(float(found.score[k]), 3)
-            results[pair] = Found(pick, (u, v), own, score, radius[k])
-    return results
+    return _make_results(found, candidates, rows, np.ones(len(names), np.bool_))
 
 
 def _agrees(
@@ -448,9 +433,8 @@ def search_all_photos(
                 base, (record, adjustment, unplaced) = freed
                 continue
         if rows.size and not (lines.size and left == LINES_BEFORE):
-            looked = _search(photos, base, candidates, rows, progress)
-            looked = _revoke_contradicted(adjustment, candidates, rows, looked)
-            looked = _revoke_repeated(candidates, rows, looked, record)
+            looked = search_places(photos, candidates, rows, picks, progress)
+            looked = _revoke_contradicted(candidates, rows, looked, record)
         elif lines.size:  # the poses are as good as ground points allow
             looked = search_sightlines(
                 photos, picks, adjustment, candidates, lines, sigma_px, progress
@@ -520,84 +504,42 @@ def _drop_contradicted(base: BaseAdjustment, record: Record) -> Search:
 
 def _candidates(base: BaseAdjustment, adjustment: Adjustment) -> Candidates:
     """Predict the places of picks made by people."""
-    survey, project = adjustment.survey, base.inputs.picks
-    frame = {name: k for k, name in enumerate(survey.frame_id)}
-    label = {name: k for k, name in enumerate(survey.label)}
-    sources = np.array(base.sources(adjustment), dtype=np.int64)
-    clicked = PickedPixels(
-        np.array([frame[project.image[i]] for i in sources], dtype=np.int64),
-        np.array([label[project.label[i]] for i in sources], dtype=np.int64),
-        project.pixel_px[sources],
-    )
-    places = transfer_pixels(adjustment, _flight(base), clicked)
-    pick = sources[places.click]
-    return Candidates(
-        places,
-        tuple((name, project.label[i]) for name, i in zip(places.frame_id, pick, strict=True)),
-        pick,
-        survey.off_ground[clicked.label[places.click]],
-        base.mark_unknown_heights(survey)[clicked.label[places.click]],
-    )
+    alone = base.mark_unknown_heights(adjustment.survey)
+    sources = base.sources(adjustment)
+    return predict_candidates(adjustment, _flight(base), base.inputs.picks, sources, alone)
 
 
 def _revoke_contradicted(
-    adjustment: Adjustment,
-    candidates: Candidates,
-    rows: Ints,
-    looked: Mapping[Pair, Found | Missed],
+    candidates: Candidates, rows: Ints, looked: Mapping[Pair, Found | Missed], record: Record
 ) -> dict[Pair, Found | Missed]:
-    """Revoke finds that the other finds in the same photo contradict.
+    """Revoke finds that others in the same photo contradict.
+
+    Those that were contradicted before are also revoked where they are not at their present place.
 
     Parameters
     ----------
-    adjustment, candidates
-        The adjustment that predicted the places, and all of them.
-    rows
-        Places that were searched for.
+    candidates, rows
+        Predicted places, and those that were searched for.
     looked
-        Finds and misses.
-    """
-    by_photo: dict[str, dict[int, Found]] = {}
-    for row in rows.tolist():
-        one = looked[candidates.pair[row]]
-        if isinstance(one, Found):
-            by_photo.setdefault(candidates.pair[row][0], {})[row] = one
-    results = dict(looked)
-    for own in by_photo.values():
-        some = np.array(list(own), dtype=np.int64)
-        joint = candidates.places.joint_covariance(adjustment, some)
-        off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
-        sigma = np.hypot([one.sigma_px for one in own.values()], MIN_PX)
-        for row in some[find_contradicted(off, joint, sigma)].tolist():
-            results[candidates.pair[row]] = own[row].revoke(CONTRADICTED)
-    return results
-
-
-def _revoke_repeated(
-    candidates: Candidates,
-    rows: Ints,
-    looked: Mapping[Pair, Found | Missed],
-    record: Record,
-) -> dict[Pair, Found | Missed]:
-    """Revoke finds that were contradicted before and are not at their present place.
-
-    Parameters
-    ----------
-    candidates, rows, looked
-        As for `_revoke_contradicted`.
+        Finds and misses there.
     record
         The search so far.
     """
-    results, places = dict(looked), candidates.places
-    for row in rows.tolist():
-        pair = candidates.pair[row]
-        one, before = results[pair], record.missed.get(pair, ())
-        if isinstance(one, Found) and any(missed.why == CONTRADICTED for missed in before):
-            off = np.array(one.pixel_px) - places.pixel_px[row]
-            spread = places.covariance_px2[row] + one.sigma_px**2 * np.eye(2)
-            if off @ np.linalg.solve(spread, off) > REGION_SQUARED:
-                results[pair] = one.revoke(CONTRADICTED)
-    return results
+    found = {
+        row: one
+        for row, one in zip(rows.tolist(), looked.values(), strict=True)
+        if isinstance(one, Found)
+    }
+    wrong = set(candidates.list_contradicted(found))
+    for row, one in found.items():
+        before = record.missed.get(candidates.pair[row], ())
+        is_repeated = any(missed.why == CONTRADICTED for missed in before)
+        if is_repeated and not candidates.holds(row, one.pixel_px, one.sigma_px):
+            wrong.add(candidates.pair[row])
+    return {
+        pair: one.revoke(CONTRADICTED) if isinstance(one, Found) and pair in wrong else one
+        for pair, one in looked.items()
+    }
 
 
 def _flight(base: BaseAdjustment) -> FlightOfPhotos | None:
@@ -626,57 +568,16 @@ def _search_by_features(
     candidates, record
         Places predicted by poses, and the search so far.
     """
-    radius = compute_radii(candidates.places.covariance_px2)
     sharp = {image for image, _ in record.found}
-    sharp |= {
-        pair[0] for pair, far in zip(candidates.pair, radius, strict=True) if far <= MAX_RADIUS_PX
-    }
+    near = np.flatnonzero(candidates.radius_px <= MAX_RADIUS_PX)
+    sharp |= {candidates.pair[row][0] for row in near}
 
     def is_open(pair: Pair) -> bool:
         return pair[0] not in sharp and pair not in record.found and wanted(pair)
 
     results: dict[Pair, Found | Missed] = {}
     for places in features.predict(base.inputs.picks, is_open):
-        pairs = tuple(zip(places.image, places.label, strict=True))
-        rows = [k for k, pair in enumerate(pairs) if not isinstance(results.get(pair), Found)]
-        none = np.zeros(len(pairs), np.bool_)
-        some = Candidates(places.predicted, pairs, places.pick, places.is_raised, none)
-        results |= _search(photos, base, some, np.array(rows, dtype=np.int64), silent)
-    return results
-
-
-def _search(
-    photos: Photos,
-    base: BaseAdjustment,
-    candidates: Candidates,
-    rows: Ints,
-    progress: Progress,
-) -> dict[Pair, Found | Missed]:
-    """Search for places.
-
-    Parameters
-    ----------
-    photos, base, progress
-        As for `search_all_photos`.
-    candidates
-        All places.
-    rows
-        Places to search for.
-    """
-    places, pick = candidates.places, candidates.pick[rows]
-    project = base.inputs.picks
-    sought = make_search_places(places, rows, project, pick)
-    pairs = [candidates.pair[row] for row in rows]
-    work = group_by_photos([project.image[i] for i in pick], [image for image, _ in pairs], sought)
-    found = search_places(photos, work, len(rows), progress)
-    radius = compute_radii(places.covariance_px2[rows])
-    stated = pick_sigmas(found.covariance_px2, candidates.is_raised[rows])
-    results: dict[Pair, Found | Missed] = {}
-    for k, (pair, own) in enumerate(zip(pairs, pick.tolist(), strict=True)):
-        if found.refused[k]:
-            results[pair] = Missed(own, float(radius[k]), describe_miss(int(found.refused[k])))
-        else:
-            u, v = np.round(found.pixel_px[k], 3).tolist()
-            sigma, score = round(float(stated[k]), 4), round(float(found.score[k]), 3)
-            results[pair] = Found(own, (u, v), sigma, score, float(radius[k]))
+        rows = [k for k, pair in enumerate(places.pair) if not isinstance(results.get(pair), Found)]
+        some = np.array(rows, dtype=np.int64)
+        results |= search_places(photos, places, some, base.inputs.picks)
     return results

@@ -9,37 +9,25 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.measuring.predicted_pixels import (
-    PickedPixels,
-    TransferredPixels,
-    predict_known_points,
-    transfer_pixels,
-)
+from uavgram.estimation.measuring.predicted_pixels import predict_known_points
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration
 from uavgram.model.frames import Poses
 from uavgram.model.observations import KnownWorldPoints, Picks
 from uavgram.model.survey import World
 from uavgram.pipeline.match.adjustment import MIN_ROUGHNESS_M
-from uavgram.pipeline.match.height_evidence import MIN_PX, PredictedPlaces, collect_height_evidence
+from uavgram.pipeline.match.height_evidence import predict_candidates
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import transform_known
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.threads import limit_blas_threads
-from uavgram.stages.match import (
-    Candidates,
-    Record,
-    compute_radii,
-    compute_stretches,
-    find_contradicted,
-    find_raised_labels,
-)
+from uavgram.stages.match import Candidates, Pair, compute_stretches
 from uavgram.stages.products.map_layers import select_shown_poses
 from uavgram.stages.products.planned_layers import find_planned_origin
 from uavgram.stages.refine.readjustment import MorePicks, add_picks
@@ -249,63 +237,17 @@ def predict_planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class AdjustedPlaces(PredictedPlaces):
-    """Places predicted by an adjustment, so that finds can be compared with each other.
-
-    Attributes
-    ----------
-    adjustment
-        The adjustment.
-    """
-
-    adjustment: Adjustment
-
-    def mark_contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
-        """Mark finds (m,) in one photo that the others there contradict.
-
-        Parameters
-        ----------
-        rows
-            (m,) places in that photo.
-        pixel_px, sigma_px
-            (m, 2), (m,) finds there, and the matching's sigma.
-        """
-        at = self.row[rows]
-        joint = self.predicted.joint_covariance(self.adjustment, at)
-        off = pixel_px - self.predicted.pixel_px[at]
-        return find_contradicted(off, joint, np.hypot(sigma_px, MIN_PX))
-
-    def find_raised_labels(self, survey: LiveSurvey, picks: Picks, record: Record) -> set[str]:
-        """Find labels without a height that are more likely off the ground than on it.
-
-        Parameters
-        ----------
-        survey, picks
-            The project, and its present picks.
-        record
-            Finds and unsuccessful searches at these places.
-        """
-        pairs, none = tuple(zip(self.image, self.label, strict=True)), np.zeros(len(self), np.bool_)
-        places = self.predicted.select(self.row)
-        candidates = Candidates(places, pairs, self.pick, self.is_raised, none)
-        sigma_px = survey.inputs.project.picks_sigma_px
-        return find_raised_labels(
-            collect_height_evidence(self.adjustment, picks, candidates, record, sigma_px)
-        )
-
-
 @limit_blas_threads
 def predict_places(
-    survey: LiveSurvey, last: LiveAdjustment, picks: Picks, labels: Collection[str] | None = None
-) -> AdjustedPlaces | None:
+    live: LiveSurvey, last: LiveAdjustment, picks: Picks, labels: Collection[str] | None = None
+) -> Candidates | None:
     """Predict every label in every photo that should show it, from the most similar pick.
 
     Also from picks that are newer than the last adjustment, in photos that take part in it.
 
     Parameters
     ----------
-    survey, last
+    live, last
         The project, and its last adjustment.
     picks
         Present picks. Matches are not used as sources.
@@ -318,55 +260,27 @@ def predict_places(
         None where they cannot be predicted yet.
     """
     try:
-        adjustment = _update_adjustment(survey, last, picks)
+        adjustment = _update_adjustment(live, last, picks)
     except (SingularError, ValueError, UavgramError):  # wait for the next full adjustment
         return None
-    frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
-    label = {name: k for k, name in enumerate(adjustment.survey.label)}
-    pairs = zip(
-        adjustment.survey.pick_frame.tolist(), adjustment.survey.pick_label.tolist(), strict=True
-    )
-    there = set(pairs)
-    taking = [
+    survey = adjustment.survey
+    there = {
+        (survey.frame_id[frame], survey.label[label])
+        for frame, label in zip(survey.pick_frame, survey.pick_label, strict=True)
+    }
+    rows = [
         i
         for i in np.flatnonzero(~picks.of_source("match")).tolist()
         if (labels is None or picks.label[i] in labels)
-        and (frame.get(picks.image[i], -1), label.get(picks.label[i], -1)) in there
+        and (picks.image[i], picks.label[i]) in there
     ]
-    rows = np.array(taking, dtype=np.int64)
-    clicked = PickedPixels(
-        np.array([frame[picks.image[i]] for i in taking], dtype=np.int64),
-        np.array([label[picks.label[i]] for i in taking], dtype=np.int64),
-        picks.pixel_px[rows].reshape(-1, 2),
-    )
-    flight = None if adjustment.survey.telemetry is None else survey.flight()
-    found = transfer_pixels(adjustment, flight, clicked)
-    return _select_most_similar(adjustment, found, rows[found.click], picks)
-
-
-def _select_most_similar(
-    adjustment: Adjustment, found: TransferredPixels, pick: Ints, picks: Picks
-) -> AdjustedPlaces:
-    """Select for each label in each photo the place by the most similar pick.
-
-    Parameters
-    ----------
-    adjustment, found
-        The adjustment that predicted the places, and all of them.
-    pick
-        Number of the pick of each.
-    picks
-        Present picks.
-    """
-    best: dict[tuple[str, str], int] = {}
-    for row in np.argsort(compute_stretches(found.affine), kind="stable").tolist():
-        best.setdefault((found.frame_id[row], picks.label[pick[row]]), row)
-    rows = np.array(sorted(best.values()), dtype=np.int64)
-    label = tuple(picks.label[i] for i in pick[rows])
-    image = tuple(found.frame_id[row] for row in rows)
-    radius = compute_radii(found.covariance_px2[rows])
-    raised = adjustment.survey.off_ground[adjustment.label_rows(label)]
-    return AdjustedPlaces(pick[rows], image, label, radius, raised, rows, found, adjustment)
+    flight = None if survey.telemetry is None else live.flight()
+    none = np.zeros(len(survey.label), np.bool_)
+    found = predict_candidates(adjustment, flight, picks, rows, none)
+    best: dict[Pair, int] = {}
+    for row in np.argsort(compute_stretches(found.places.affine), kind="stable").tolist():
+        best.setdefault(found.pair[row], row)
+    return found.select(np.array(sorted(best.values()), dtype=np.int64))
 
 
 def _update_adjustment(survey: LiveSurvey, last: LiveAdjustment, picks: Picks) -> Adjustment:
