@@ -15,7 +15,8 @@ from typing import Literal
 
 from uavgram.errors import UavgramError
 from uavgram.model.camera import LensModel
-from uavgram.model.observations import Along, MeasurementKind, Source
+from uavgram.model.observations import Along, MeasurementKind
+from uavgram.picking.document.state import PickedPixel
 
 Target = Literal["any", "target"]
 Work = Literal["adjustment", "calibration", "results", "search"]
@@ -23,23 +24,12 @@ Work = Literal["adjustment", "calibration", "results", "search"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class Place(PickedPixel):
     """Pick a label in a photo, or move its existing pick; a sigma of None keeps the present one.
 
     A placed pick belongs to the one who places it: a match that a person moves becomes a person's
-    pick. `source` and the fields after it describe a pick found by the program, as in `Picks`.
+    pick.
     """
-
-    image: str
-    label: str
-    u_px: float
-    v_px: float
-    sigma_px: float | None = None
-    source: Source = "hand"
-    score: float | None = None
-    from_image: str = ""
-    from_u_px: float | None = None
-    from_v_px: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,13 +25,11 @@ PICKS = Table(Picks, elsewhere=("line",))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pick:
-    """One picked pixel of the original, unrotated photo `image` (a file name).
+class PickedPixel:
+    """Label at a pixel of the original, unrotated photo `image` (a file name).
 
-    `sigma_px`, `height_m` and `height_sigma_m` are None, and `area` is empty, where the file has no
-    value; `is_free` marks a height that is to be estimated. `source` and the fields after it give
-    the origin of the pick, as in `Picks`: None and empty for a person's pick. `again` is 0 for the
-    first click of a label in a photo, and counts its independent repetitions.
+    `sigma_px` is None where none is stated. `source` and the fields after it give the origin of the
+    pick, as in `Picks`: None and empty for a person's pick.
     """
 
     image: str
@@ -39,15 +37,26 @@ class Pick:
     u_px: float
     v_px: float
     sigma_px: float | None = None
-    height_m: float | None = None
-    height_sigma_m: float | None = None
-    is_free: bool = False
-    area: str = ""
     source: Source = "hand"
     score: float | None = None
     from_image: str = ""
     from_u_px: float | None = None
     from_v_px: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pick(PickedPixel):
+    """Pick, with what is stated of its label.
+
+    `height_m` and `height_sigma_m` are None, and `area` is empty, where the file has no value;
+    `is_free` marks a height that is to be estimated. `again` is 0 for the first click of a label in
+    a photo, and counts its independent repetitions.
+    """
+
+    height_m: float | None = None
+    height_sigma_m: float | None = None
+    is_free: bool = False
+    area: str = ""
     again: int = 0
 
     @property

@@ -60,14 +60,24 @@ class Height(TypedDict):
     is_free: NotRequired[bool]
 
 
-class Pick(Height):
-    """Pick; the fields from `source` on are left out for a person's pick."""
+class PhotoLabel(TypedDict):
+    """Label in a photo."""
 
     image: int
     label: str
+
+
+class Pixel(PhotoLabel):
+    """Pixel of a label in a photo, and its sigma."""
+
     u_px: float
     v_px: float
     sigma_px: float | None
+
+
+class Pick(Pixel, Height):
+    """Pick; the fields from `source` on are left out for a person's pick."""
+
     area: str
     source: NotRequired[Source]
     score: NotRequired[float | None]
@@ -195,34 +205,25 @@ class Flight(TypedDict):
     track: list[tuple[float, float, float]]
 
 
-class Predicted(TypedDict):
+class Predicted(PhotoLabel):
     """Expected place of a label in a photo in which it is not picked."""
 
-    image: int
-    label: str
     pixel_px: tuple[float, float]
     spread: Spread
 
 
-class Proposal(TypedDict):
+class Proposal(Pixel):
     """Proposed pick; `from_image`: of the source pick of a match; `is_sure`: without inspection."""
 
-    image: int
-    label: str
-    u_px: float
-    v_px: float
-    sigma_px: float | None
     score: float | None
     source: Source
     from_image: int | None
     is_sure: bool
 
 
-class Asked(TypedDict):
+class Asked(PhotoLabel):
     """Label to be picked by hand in a photo, with the reason."""
 
-    image: int
-    label: str
     why: str
 
 
@@ -337,22 +338,13 @@ class Trust(TypedDict):
     why: str
 
 
-class Fit(TypedDict):
+class Fit(PhotoLabel):
     """Fit of a pick."""
 
-    image: int
-    label: str
     residual_px: list[float | None]
     w: float | None
     status: str
     spread: Spread | None
-
-
-class PhotoLabel(TypedDict):
-    """Place to look at."""
-
-    image: int
-    label: str
 
 
 class Way(TypedDict):
