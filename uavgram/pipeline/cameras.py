@@ -12,17 +12,7 @@ import numpy as np
 from uavgram.config.camera import camera_text, load_camera_file
 from uavgram.errors import InputError
 from uavgram.input_files import binary_kind, read_bytes
-from uavgram.io.cameras import (
-    colmap_text,
-    is_colmap_cameras,
-    is_odm_cameras,
-    is_opencv_calibration,
-    opencv_text,
-    read_colmap_camera,
-    read_drone_cameras,
-    read_odm_camera,
-    read_opencv_calibration,
-)
+from uavgram.io import cameras
 from uavgram.io.files import digest_file
 from uavgram.io.logs.flight_log import is_flight_log
 from uavgram.io.outputs import replace_text
@@ -50,7 +40,7 @@ def assume_drone_camera(name: str) -> Calibration | None:
     """
     known = [
         camera
-        for camera in read_drone_cameras()
+        for camera in cameras.read_drone_cameras()
         if camera.make_model in ORDINARY_EQUIVALENTS_MM and not camera.is_thermal
     ]
     wanted = _key(name)
@@ -68,7 +58,7 @@ def assume_drone_camera(name: str) -> Calibration | None:
         model=camera.make_model,
         focal_35mm_mm=ORDINARY_EQUIVALENTS_MM[camera.make_model],
     )
-    return assume_camera(tags, read_drone_cameras())[0]
+    return assume_camera(tags, cameras.read_drone_cameras())[0]
 
 
 def _key(name: str) -> str:
@@ -129,18 +119,18 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
     if path.suffix.lower() in _PHOTOS:
         _refuse(wanted, path)
         tags = read_camera_tags(path)
-        calibration, messages = assume_camera(tags, read_drone_cameras())
+        calibration, messages = assume_camera(tags, cameras.read_drone_cameras())
         return CameraRead(path=path, calibration=calibration, messages=messages, tags=tags)
     if kind := "a flight log" if is_flight_log(path) else binary_kind(path):
         raise InputError(path, f"is {kind}: name {CAMERA_FILES}")
     text = read_bytes(path).decode("utf-8-sig", errors="replace")
-    if is_odm_cameras(text):
-        calibration, messages = read_odm_camera(path, wanted)
-    elif is_colmap_cameras(text):
-        calibration, messages = read_colmap_camera(path, wanted)
-    elif is_opencv_calibration(path) or text.lstrip().startswith("<"):
+    if cameras.is_odm_cameras(text):
+        calibration, messages = cameras.read_odm_camera(path, wanted)
+    elif cameras.is_colmap_cameras(text):
+        calibration, messages = cameras.read_colmap_camera(path, wanted)
+    elif cameras.is_opencv_calibration(path) or text.lstrip().startswith("<"):
         _refuse(wanted, path)
-        calibration, messages = read_opencv_calibration(path)
+        calibration, messages = cameras.read_opencv_calibration(path)
     else:
         _refuse(wanted, path)
         calibration, provenance = load_camera_file(path)
@@ -180,7 +170,7 @@ def assume_photo_camera(
                 f"{difference} {Path(first.path).name}, so one assumed camera cannot serve both: "
                 f"leave the others out, or {REMEDY}",
             )
-    return assume_camera(first, read_drone_cameras(), may_be_unknown=may_be_unknown)
+    return assume_camera(first, cameras.read_drone_cameras(), may_be_unknown=may_be_unknown)
 
 
 def _difference(first: CameraTags, other: CameraTags) -> str:
@@ -217,10 +207,10 @@ def format_camera(
         Changes since, for its provenance.
     """
     if form == "colmap":
-        return colmap_text(camera.calibration)
+        return cameras.colmap_text(camera.calibration)
     provenance = _make_converted_provenance(camera, options)
     if form == "opencv":
-        return opencv_text(camera.calibration, provenance.created_utc)
+        return cameras.opencv_text(camera.calibration, provenance.created_utc)
     return camera_text(camera.calibration, provenance)
 
 
@@ -265,7 +255,7 @@ def focal_on_sensor_mm(camera: CameraRead) -> float | None:
             make=camera.provenance.make,
             model=camera.provenance.camera_model,
         )
-    known = None if tags is None else find_camera(tags, read_drone_cameras())
+    known = None if tags is None else find_camera(tags, cameras.read_drone_cameras())
     if known is None:
         return None
     sensor_width_mm = known.pitch_mm[0] * known.width_px

@@ -24,20 +24,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.frames import Poses
 from uavgram.model.survey import TiePicks
 from uavgram.pipeline.parallel import Progress, prefetch, silent
-from uavgram.stages.tie import (
-    LEAST_SHARE,
-    Matches,
-    Seen,
-    Sighted,
-    choose,
-    choose_pairs,
-    compute_overlap,
-    compute_relative_noise,
-    estimate_sigmas,
-    join_tracks,
-    mark_fitting_matches,
-    predict,
-)
+from uavgram.stages import tie
 
 DECIMALS = 3
 """Decimals of pixels in the table."""
@@ -115,7 +102,7 @@ def find_ties(scene: Scene, progress: Progress = silent) -> TieSearch:
 class _Seeds(NamedTuple):
     """Photos with a usable pose, and the row of each photo among them (-1: none)."""
 
-    seen: Seen
+    seen: tie.Seen
     row: Ints
 
 
@@ -126,12 +113,14 @@ def _pairs(scene: Scene, features: Sequence[Features]) -> tuple[Ints, _Seeds | N
     seeds = _seeds(scene)
     if seeds is not None:
         photo = np.flatnonzero(seeds.row >= 0)
-        share = compute_overlap(seeds.seen)[np.ix_(seeds.row[photo], seeds.row[photo])]
-        one, other = photo[choose_pairs(share, LEAST_SHARE)].T
+        share = tie.compute_overlap(seeds.seen)[np.ix_(seeds.row[photo], seeds.row[photo])]
+        one, other = photo[tie.choose_pairs(share, tie.LEAST_SHARE)].T
         chosen[one, other] = True
     unknown = range(count) if seeds is None else np.flatnonzero(seeds.row < 0).tolist()
     if len(unknown):
-        one, other = choose_pairs(compute_photo_similarity(features, unknown), MIN_MATCHES / 2).T
+        one, other = tie.choose_pairs(
+            compute_photo_similarity(features, unknown), MIN_MATCHES / 2
+        ).T
         chosen[one, other] = True
     return np.argwhere(chosen), seeds
 
@@ -139,7 +128,7 @@ def _pairs(scene: Scene, features: Sequence[Features]) -> tuple[Ints, _Seeds | N
 def _seeds(scene: Scene) -> _Seeds | None:
     if scene.poses is None:
         return None
-    everything = Seen(
+    everything = tie.Seen(
         calibration=scene.calibration,
         poses=scene.poses,
         ground_m=scene.ground_m,
@@ -193,7 +182,7 @@ class PairComparison:
     def _predict(self, one: int, other: int) -> Guide | None:
         if self._seeds is None or min(rows := self._seeds.row[[one, other]].tolist()) < 0:
             return None
-        predicted = predict(self._seeds.seen, rows[0], rows[1], self._features[one].pixel_px)
+        predicted = tie.predict(self._seeds.seen, rows[0], rows[1], self._features[one].pixel_px)
         return None if predicted is None else Guide(predicted.pixel_px, predicted.radius_px)
 
     def _verify(self, one: int, other: int, guide: Guide | None) -> VerifiedMatches:
@@ -217,8 +206,10 @@ def _join(
     photo = np.repeat(np.arange(len(features)), counts)
     pixel = np.concatenate([found.pixel_px for found in features])
     scale = scale_of(scene.calibration)
-    relative = compute_relative_noise(np.concatenate([found.size_px for found in features]), scale)
-    matches = Matches(
+    relative = tie.compute_relative_noise(
+        np.concatenate([found.size_px for found in features]), scale
+    )
+    matches = tie.Matches(
         np.concatenate(
             [np.empty((0, 2), np.int64)]
             + [found.rows + first[pair] for pair, found in zip(pairs, matched, strict=True)]
@@ -227,14 +218,14 @@ def _join(
         np.concatenate([np.empty(0), *(found.across_px for found in matched)]),
     )
     # Remove outliers, estimate sigmas, and join matches to tracks.
-    matches = matches.take(np.flatnonzero(mark_fitting_matches(matches, relative, len(pairs))))
-    sigma = estimate_sigmas(matches, relative, len(pairs), scale)
-    tracks = join_tracks(matches, photo)
+    matches = matches.take(np.flatnonzero(tie.mark_fitting_matches(matches, relative, len(pairs))))
+    sigma = tie.estimate_sigmas(matches, relative, len(pairs), scale)
+    tracks = tie.join_tracks(matches, photo)
     row = {name: k for k, name in enumerate(scene.frame_id)}
     picked = [k for k, name in enumerate(scene.picked_image) if name in row]
     # Keep a part of the points, evenly spread over the photos.
-    kept = choose(
-        Sighted(
+    kept = tie.choose(
+        tie.Sighted(
             tracks=tracks,
             photo=photo[tracks.feature],
             pixel_px=pixel[tracks.feature],

@@ -17,21 +17,8 @@ from uavgram.geometry.motion.rotation import (
     matrix_from_ypr,
     xyzw_from_matrix,
 )
+from uavgram.model import flight_log
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
-from uavgram.model.flight_log import (
-    AttitudeSamples,
-    Boot,
-    CameraEvents,
-    ClockSamples,
-    EstimatorSigmas,
-    FlightLog,
-    GimbalSamples,
-    HomeSamples,
-    PositionSamples,
-    SimulatedLog,
-    TurnRateSamples,
-    VelocitySamples,
-)
 from uavgram.synthetic.errors import ErrorSpec
 from uavgram.synthetic.scenario import FlightPlan, Scenario, Site
 
@@ -446,7 +433,7 @@ def draw_biases(scenario: Scenario, rng: np.random.Generator) -> FlightBiases:
 
 def record_flight(
     scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
-) -> SimulatedLog:
+) -> flight_log.SimulatedLog:
     """Record a flight as an autopilot does, with the scenario's errors.
 
     Parameters
@@ -478,7 +465,7 @@ def record_flight(
     # A receiver reports its scatter and drift, not the constant bias.
     accuracy = np.hypot(errors.position_drift_m, errors.gps_noise_m)
     east, north, up = motion.velocity_world_m_s[every["position"]].T
-    return SimulatedLog(
+    return flight_log.SimulatedLog(
         boot_utc_s=scenario.flight.start_utc_s - boot_s,
         home_geodetic=np.array([site.latitude_deg, site.longitude_deg, site.height_msl_m]),
         undulation_m=site.undulation_m,
@@ -539,7 +526,7 @@ def _draw_angles(
 SYSTEM_EVERY_S = 1.0
 
 
-def make_flight_log(log: SimulatedLog) -> FlightLog:
+def make_flight_log(log: flight_log.SimulatedLog) -> flight_log.FlightLog:
     """Return the log in the form of a log reader, but without the integer rounding of MAVLink.
 
     Parameters
@@ -547,7 +534,7 @@ def make_flight_log(log: SimulatedLog) -> FlightLog:
     log
         Recording of the autopilot.
     """
-    return FlightLog(
+    return flight_log.FlightLog(
         path="flight.tlog",
         kind="tlog",
         vehicle="quadrotor",
@@ -559,18 +546,18 @@ def make_flight_log(log: SimulatedLog) -> FlightLog:
     )
 
 
-def _convert_to_boot(log: SimulatedLog) -> Boot:
+def _convert_to_boot(log: flight_log.SimulatedLog) -> flight_log.Boot:
     clock_s = np.arange(log.position_time_s[0], log.position_time_s[-1], SYSTEM_EVERY_S)
     unstated = np.full(len(log.gps_time_s), np.nan)
-    return Boot(
+    return flight_log.Boot(
         positions=_positions(log, "GLOBAL_POSITION_INT"),
         receiver=_positions(log, "GPS_RAW_INT"),
-        attitudes=AttitudeSamples(
+        attitudes=flight_log.AttitudeSamples(
             time_boot_s=log.attitude_time_s,
             ned_from_body_xyzw=xyzw_from_matrix(matrix_from_ypr(*log.attitude_rpy_rad.T[::-1])),
             source="ATTITUDE_QUATERNION",
         ),
-        gimbal=GimbalSamples(
+        gimbal=flight_log.GimbalSamples(
             time_boot_s=log.gimbal_time_s,
             roll_rad=log.gimbal_rpy_rad[:, 0],
             pitch_rad=log.gimbal_rpy_rad[:, 1],
@@ -578,7 +565,7 @@ def _convert_to_boot(log: SimulatedLog) -> Boot:
             yaw_frame="vehicle",
             source="GIMBAL_DEVICE_ATTITUDE_STATUS",
         ),
-        sigmas=EstimatorSigmas(
+        sigmas=flight_log.EstimatorSigmas(
             time_boot_s=log.gps_time_s,
             horizontal_m=log.gps_accuracy_m[:, 0],
             vertical_m=log.gps_accuracy_m[:, 1],
@@ -586,7 +573,7 @@ def _convert_to_boot(log: SimulatedLog) -> Boot:
             yaw_rad=unstated,
             source="GPS_RAW_INT",
         ),
-        events=CameraEvents(
+        events=flight_log.CameraEvents(
             time_boot_s=log.event_time_s,
             image_number=np.arange(1, len(log.event_time_s) + 1),
             confirmed=np.ones(len(log.event_time_s)),
@@ -594,14 +581,16 @@ def _convert_to_boot(log: SimulatedLog) -> Boot:
         ),
         home=_home(log),
         clocks=(
-            ClockSamples(time_boot_s=clock_s, utc_s=log.boot_utc_s + clock_s, source="system_time"),
+            flight_log.ClockSamples(
+                time_boot_s=clock_s, utc_s=log.boot_utc_s + clock_s, source="system_time"
+            ),
         ),
-        velocities=VelocitySamples(
+        velocities=flight_log.VelocitySamples(
             time_boot_s=log.position_time_s,
             ned_m_s=log.velocity_ned_m_s,
             source="GLOBAL_POSITION_INT",
         ),
-        turn_rates=TurnRateSamples(
+        turn_rates=flight_log.TurnRateSamples(
             time_boot_s=log.attitude_time_s,
             body_rad_s=np.gradient(
                 np.unwrap(log.attitude_rpy_rad, axis=0), log.attitude_time_s, axis=0
@@ -611,11 +600,11 @@ def _convert_to_boot(log: SimulatedLog) -> Boot:
     )
 
 
-def _positions(log: SimulatedLog, source: str) -> PositionSamples:
+def _positions(log: flight_log.SimulatedLog, source: str) -> flight_log.PositionSamples:
     raw = source == "GPS_RAW_INT"
     place = log.gps_geodetic if raw else log.position_geodetic
     above_home = np.full(len(place), np.nan) if raw else place[:, 2] - log.home_geodetic[2]
-    return PositionSamples(
+    return flight_log.PositionSamples(
         time_boot_s=log.gps_time_s if raw else log.position_time_s,
         latitude_deg=place[:, 0],
         longitude_deg=place[:, 1],
@@ -626,9 +615,9 @@ def _positions(log: SimulatedLog, source: str) -> PositionSamples:
     )
 
 
-def _home(log: SimulatedLog) -> HomeSamples:
+def _home(log: flight_log.SimulatedLog) -> flight_log.HomeSamples:
     latitude, longitude, height = log.home_geodetic
-    return HomeSamples(
+    return flight_log.HomeSamples(
         time_boot_s=log.position_time_s[:1],
         latitude_deg=np.array([latitude]),
         longitude_deg=np.array([longitude]),

@@ -9,21 +9,12 @@ from typing import Annotated, Literal, NamedTuple, Protocol
 import numpy as np
 
 from uavgram.config.strict_yaml import plain_settings, yaml_text
+from uavgram.model import options
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera import Calibration
 from uavgram.model.flight_log import SimulatedLog
 from uavgram.model.frames import Photos
 from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.model.options import (
-    GroundOptions,
-    MountOptions,
-    Project,
-    SolveOptions,
-    TapeOptions,
-    TargetOptions,
-    TelemetryOptions,
-    TimeOptions,
-)
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.synthetic.flight import draw_biases, make_flight_log, record_flight, simulate_motion
@@ -303,7 +294,7 @@ def make_inputs(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
     )
 
 
-def make_project(scenario: Scenario, noise: str | None = None) -> Project:
+def make_project(scenario: Scenario, noise: str | None = None) -> options.Project:
     """Return the project of a simulated survey, with the scenario's stated sigmas.
 
     Parameters
@@ -314,7 +305,7 @@ def make_project(scenario: Scenario, noise: str | None = None) -> Project:
         Replaces `solve.noise` of the scenario.
     """
     stated, errors, plates = scenario.stated, scenario.errors, scenario.plates
-    return Project(
+    return options.Project(
         name=scenario.name,
         images=("photos/*.jpg",),
         log=None if scenario.telemetry == "none" else "flight.tlog",
@@ -324,21 +315,21 @@ def make_project(scenario: Scenario, noise: str | None = None) -> Project:
         measure="measure.csv",
         control="control.csv" if scenario.control else None,
         check="check.csv",
-        ground=GroundOptions(
+        ground=options.GroundOptions(
             height_sigma_m=stated.ground_height_sigma_m,
             slope_sigma_deg=stated.ground_slope_sigma_deg,
             roughness_sigma_m=stated.roughness_sigma_m,
         ),
-        mount=MountOptions(
+        mount=options.MountOptions(
             boresight_sigma_deg=stated.boresight_sigma_deg,
             lever_arm_m=errors.lever_arm_m,
             lever_arm_sigma_m=stated.lever_arm_sigma_m,
         ),
-        time=TimeOptions(
+        time=options.TimeOptions(
             offset_s="auto" if scenario.flight.tells_clock else errors.camera_clock_offset_s,
             offset_sigma_s=stated.clock_sigma_s,
         ),
-        telemetry=TelemetryOptions(
+        telemetry=options.TelemetryOptions(
             position_sigma_m=_pair(stated.position_sigma_m),
             attitude_sigma_deg=_pair(stated.attitude_sigma_deg),
             position_bias_sigma_m=stated.position_bias_sigma_m,
@@ -346,11 +337,13 @@ def make_project(scenario: Scenario, noise: str | None = None) -> Project:
         ),
         picks_sigma_px=errors.pick_px,
         picks_identification_sigma_m=stated.picks_identification_sigma_m,
-        solve=SolveOptions(
+        solve=options.SolveOptions(
             outliers=stated.outliers, noise="stated" if noise == "stated" else stated.noise
         ),
-        tape=TapeOptions(scale_sigma=stated.tape_scale_sigma),
-        targets=TargetOptions(family=PLATE_FAMILY, side_m=plates.side_m, sigma_m=plates.sigma_m)
+        tape=options.TapeOptions(scale_sigma=stated.tape_scale_sigma),
+        targets=options.TargetOptions(
+            family=PLATE_FAMILY, side_m=plates.side_m, sigma_m=plates.sigma_m
+        )
         if plates.at
         else None,
     )
@@ -371,7 +364,7 @@ REMARKS = {
 """Remarks on keys of the project file."""
 
 
-def format_project(project: Project, about: str = ABOUT) -> str:
+def format_project(project: options.Project, about: str = ABOUT) -> str:
     """Return the text of a project file, without the options that have their default values.
 
     Parameters

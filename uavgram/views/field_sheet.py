@@ -16,22 +16,7 @@ from uavgram.model.maps import Paper
 from uavgram.model.naming import METRIC, Units, round_up
 from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_strips
-from uavgram.views.flight_plan import (
-    centimetres,
-    corners_on_earth,
-    describe_accuracy,
-    describe_alternatives,
-    describe_criterion,
-    find_unchecked_lines,
-    flight_facts,
-    lay_table,
-    list_assumptions,
-    metres,
-    plate_side,
-    summarise_work,
-    take_off_words,
-    value_table,
-)
+from uavgram.views import flight_plan
 from uavgram.views.pages import PAPER_SIZES, page, page_pdf
 from uavgram.views.survey.drawing import HATCH, PAPER, Drawing, Look
 from uavgram.views.survey.sheet import Sheet, lay_sheet
@@ -70,7 +55,7 @@ def _shade_cells(planned: FlightPlanned, drawing: Drawing, paper: Sheet) -> tupl
         edges = class_edges(grid.sigma_m[known])
         count = len(edges) - 1
         shades = tuple(
-            Shade(_grey(k / max(count - 1, 1)), centimetres(float(low), float(high)))
+            Shade(_grey(k / max(count - 1, 1)), flight_plan.centimetres(float(low), float(high)))
             for k, (low, high) in enumerate(pairwise(edges))
         )
         which = np.clip(np.searchsorted(edges, grid.sigma_m, side="right") - 1, 0, count - 1)
@@ -119,7 +104,7 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[str, str, Flo
     lines, measured, points = planned.lines, planned.measurements, planned.points
     middles = (lines.start_world_m + lines.end_world_m) / 2
     for name, length, at in zip(lines.name, lines.length_m, middles, strict=True):
-        yield "line", f"{name} {convert_sentence(metres(float(length)), units)}", at
+        yield "line", f"{name} {convert_sentence(flight_plan.metres(float(length)), units)}", at
     for name, at in zip(planned.plates.name, planned.plates.center_world_m, strict=True):
         yield "plate", name, at
     for number, at in enumerate(planned.area_world_m, start=1):
@@ -265,22 +250,22 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         "field_sheet/page.html",
         planned=planned,
         view=field_drawing(planned, units),
-        headline=summarise_work(planned),
-        outcome=describe_accuracy(planned),
+        headline=flight_plan.summarise_work(planned),
+        outcome=flight_plan.describe_accuracy(planned),
         lines=planned.lines.name,
         plates=planned.plates.name,
-        laid=lay_table(planned, "lies" if planned.plates.name else f"you read, {unit}"),
-        wanted=value_table(planned, units),
-        facts=flight_facts(planned),
-        corners=corners_on_earth(planned),
-        unchecked=find_unchecked_lines(planned),
-        lost=describe_alternatives(planned),
-        take_off=take_off_words(planned),
-        chosen=describe_criterion(planned),
-        assumed=list_assumptions(planned),
-        plate_side=plate_side(planned),
-        longest=metres(math.ceil(lengths.max())) if len(lengths) else "",
-        length_of_map=metres(planned.grid.length_m),
+        laid=flight_plan.lay_table(planned, "lies" if planned.plates.name else f"you read, {unit}"),
+        wanted=flight_plan.value_table(planned, units),
+        facts=flight_plan.flight_facts(planned),
+        corners=flight_plan.corners_on_earth(planned),
+        unchecked=flight_plan.find_unchecked_lines(planned),
+        lost=flight_plan.describe_alternatives(planned),
+        take_off=flight_plan.take_off_words(planned),
+        chosen=flight_plan.describe_criterion(planned),
+        assumed=flight_plan.list_assumptions(planned),
+        plate_side=flight_plan.plate_side(planned),
+        longest=flight_plan.metres(math.ceil(lengths.max())) if len(lengths) else "",
+        length_of_map=flight_plan.metres(planned.grid.length_m),
         has_log=planned.assumptions.telemetry != "none",
         units=units,
         kept_names=select_like_lengths(named),

@@ -9,16 +9,8 @@ from typing import Any
 import numpy as np
 
 from uavgram.estimation.clocks.clock_line import convert_boot_to_utc
+from uavgram.model import flight_log
 from uavgram.model.arrays import Floats
-from uavgram.model.flight_log import (
-    BootSummary,
-    CameraEvents,
-    EstimatorSigmas,
-    GimbalSamples,
-    HomeSamples,
-    LogSummary,
-    PositionSamples,
-)
 from uavgram.model.naming import format_digits
 
 KINDS = {
@@ -33,7 +25,7 @@ _MANY = 20
 Content = dict[str, Any]
 
 
-def log_summary_lines(summary: LogSummary) -> tuple[str, ...]:
+def log_summary_lines(summary: flight_log.LogSummary) -> tuple[str, ...]:
     """List the content of a log: vehicle, boots, clock, tables, events, messages, notes."""
     log = _collect_content(summary)
     lines = [f"{log['path']}: {KINDS[log['kind']]}"]
@@ -167,12 +159,12 @@ def _message_line(message: Content, *, one_clock: bool) -> str:
     return line
 
 
-def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401
+def log_summary_object(summary: flight_log.LogSummary) -> Any:  # noqa: ANN401
     """Convert the content of a log to a JSON object; numbers missing in the log are null."""
     return _replace_nan(_collect_content(summary))
 
 
-def _collect_content(summary: LogSummary) -> Content:
+def _collect_content(summary: flight_log.LogSummary) -> Content:
     """Collect the content of a log; numbers missing in it are NaN."""
     log = summary.log
     return {
@@ -191,7 +183,7 @@ def _collect_content(summary: LogSummary) -> Content:
     }
 
 
-def _boot(summary: BootSummary) -> dict[str, Any]:
+def _boot(summary: flight_log.BootSummary) -> dict[str, Any]:
     boot, clock = summary.boot, summary.clock
     attitudes = boot.attitudes
     return {
@@ -229,7 +221,7 @@ def _table(source: str, time_boot_s: Floats) -> dict[str, Any]:
     }
 
 
-def _positions(positions: PositionSamples | None) -> dict[str, Any] | None:
+def _positions(positions: flight_log.PositionSamples | None) -> dict[str, Any] | None:
     if positions is None:
         return None
     p = positions
@@ -242,7 +234,7 @@ def _positions(positions: PositionSamples | None) -> dict[str, Any] | None:
     }
 
 
-def _gimbal(gimbal: GimbalSamples | None) -> dict[str, Any] | None:
+def _gimbal(gimbal: flight_log.GimbalSamples | None) -> dict[str, Any] | None:
     if gimbal is None:
         return None
     pitch_deg = np.degrees(gimbal.pitch_rad)
@@ -253,7 +245,7 @@ def _gimbal(gimbal: GimbalSamples | None) -> dict[str, Any] | None:
     }
 
 
-def _sigmas(sigmas: EstimatorSigmas | None) -> dict[str, Any] | None:
+def _sigmas(sigmas: flight_log.EstimatorSigmas | None) -> dict[str, Any] | None:
     if sigmas is None:
         return None
     return {
@@ -270,7 +262,9 @@ def _median(values: Floats) -> float:
     return float(np.median(known)) if len(known) else math.nan
 
 
-def _events(events: CameraEvents | None, summary: BootSummary) -> dict[str, Any] | None:
+def _events(
+    events: flight_log.CameraEvents | None, summary: flight_log.BootSummary
+) -> dict[str, Any] | None:
     if events is None:
         return None
     clock = summary.clock
@@ -290,7 +284,7 @@ def _events(events: CameraEvents | None, summary: BootSummary) -> dict[str, Any]
     }
 
 
-def _home(home: HomeSamples | None, moves_m: float) -> dict[str, Any] | None:
+def _home(home: flight_log.HomeSamples | None, moves_m: float) -> dict[str, Any] | None:
     if home is None:
         return None
     return {

@@ -17,18 +17,8 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from uavgram.geometry.motion.rotation import matrix_from_xyzw, ypr_from_matrix
+from uavgram.model import flight_log
 from uavgram.model.arrays import Floats
-from uavgram.model.flight_log import (
-    AttitudeSamples,
-    Boot,
-    BootClock,
-    BootSummary,
-    CameraEvents,
-    EstimatorSigmas,
-    LogSummary,
-    PositionSamples,
-    ReceptionSamples,
-)
 from uavgram.views.flight_log import KINDS
 
 _BLUE, _ORANGE, _RED, _GREY, _GREEN = "#2f6fb5", "#d9730d", "#c92a2a", "#8a8f98", "#2b8a3e"
@@ -39,7 +29,7 @@ _MIN_JUMP_M, _FASTEST = 5.0, 60.0
 """Largest step [m] and speed [m/s] from one row to the next that can be a flight."""
 
 
-def log_plot_png(summary: LogSummary) -> bytes:
+def log_plot_png(summary: flight_log.LogSummary) -> bytes:
     """Draw a log; of many boots the four longest, in their order."""
     shown = _select_longest(summary.boots)
     rows = [max(_rows(summary.boots[k]), 0.2) for k in shown]
@@ -57,12 +47,12 @@ def log_plot_png(summary: LogSummary) -> bytes:
     return drawn.getvalue()
 
 
-def _select_longest(boots: tuple[BootSummary, ...]) -> list[int]:
+def _select_longest(boots: tuple[flight_log.BootSummary, ...]) -> list[int]:
     order = sorted(range(len(boots)), key=lambda k: -len(boots[k].track_m))
     return sorted(order[:_MAX_BOOTS])
 
 
-def _draw_boot(part: SubFigure, summary: BootSummary, number: int, count: int) -> None:
+def _draw_boot(part: SubFigure, summary: flight_log.BootSummary, number: int, count: int) -> None:
     span = " to ".join(summary.span_utc) if summary.span_utc[0] else "no UTC"
     panels = list(_panels(summary))
     title = f"boot {number} of {count}: {span}" if count > 1 else span
@@ -75,12 +65,12 @@ def _draw_boot(part: SubFigure, summary: BootSummary, number: int, count: int) -
         draw(axis)
 
 
-def _rows(summary: BootSummary) -> int:
+def _rows(summary: flight_log.BootSummary) -> int:
     """Return the number of rows of panels."""
     return (len(list(_panels(summary))) + 1) // 2
 
 
-def _panels(summary: BootSummary) -> Iterator[tuple[str, Callable[[Axes], None]]]:
+def _panels(summary: flight_log.BootSummary) -> Iterator[tuple[str, Callable[[Axes], None]]]:
     """Yield title and drawing function of each panel for which the boot has data."""
     boot, sigmas = summary.boot, summary.boot.sigmas
     if boot.positions is not None:
@@ -128,11 +118,13 @@ def _add_right_axis(axis: Axes) -> Axes:
     return right
 
 
-def _mark_confirmed(events: CameraEvents) -> np.ndarray:
+def _mark_confirmed(events: flight_log.CameraEvents) -> np.ndarray:
     return np.asarray(events.confirmed > 0)
 
 
-def _draw_track(summary: BootSummary, positions: PositionSamples, axis: Axes) -> None:
+def _draw_track(
+    summary: flight_log.BootSummary, positions: flight_log.PositionSamples, axis: Axes
+) -> None:
     track = summary.track_m[_select_flown(positions.time_boot_s, summary.track_m)]
     axis.plot(*track.T, color=_BLUE, linewidth=1.2, label="track")
     axis.plot(*track[0], "s", color=_GREEN, markersize=6, label="first position")
@@ -160,7 +152,7 @@ def _draw_track(summary: BootSummary, positions: PositionSamples, axis: Axes) ->
     axis.legend(fontsize=8, loc="best")
 
 
-def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
+def _draw_heights(boot: flight_log.Boot, positions: flight_log.PositionSamples, axis: Axes) -> None:
     time, height, home, events = positions.time_boot_s, positions.height_m, boot.home, boot.events
     flown = _select_flown(time, height[:, None])
     time, within = time[flown], height[flown]
@@ -182,7 +174,7 @@ def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
     _explain(axis, f"{_DATUMS[positions.datum]} [m]", positions.source)
 
 
-def _draw_attitudes(attitudes: AttitudeSamples, axis: Axes) -> None:
+def _draw_attitudes(attitudes: flight_log.AttitudeSamples, axis: Axes) -> None:
     yaw, pitch, roll = np.degrees(ypr_from_matrix(matrix_from_xyzw(attitudes.ned_from_body_xyzw)))
     time, heading = attitudes.time_boot_s, _add_right_axis(axis)
     heading.plot(time, yaw % 360.0, ".", color=_GREY, markersize=1.5)
@@ -193,7 +185,7 @@ def _draw_attitudes(attitudes: AttitudeSamples, axis: Axes) -> None:
     _explain(axis, "roll, pitch [deg]", attitudes.source)
 
 
-def _draw_quality(sigmas: EstimatorSigmas, axis: Axes) -> None:
+def _draw_quality(sigmas: flight_log.EstimatorSigmas, axis: Axes) -> None:
     both = np.stack([sigmas.horizontal_m, sigmas.vertical_m])
     for sigma, colour, name in zip(both, (_BLUE, _ORANGE), ("horizontal", "vertical"), strict=True):
         axis.plot(sigmas.time_boot_s, sigma, color=colour, linewidth=1.2, label=name)
@@ -202,7 +194,7 @@ def _draw_quality(sigmas: EstimatorSigmas, axis: Axes) -> None:
     _explain(axis, "1 sigma of positions [m]", sigmas.source)
 
 
-def _draw_reception(heard: ReceptionSamples, axis: Axes) -> None:
+def _draw_reception(heard: flight_log.ReceptionSamples, axis: Axes) -> None:
     axis.plot(heard.time_boot_s, heard.satellites, color=_BLUE, linewidth=1.2)
     axis.set_ylim(0.0, 1.2 * float(np.nanmax(heard.satellites, initial=1.0)))
     axis.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -214,7 +206,7 @@ def _draw_reception(heard: ReceptionSamples, axis: Axes) -> None:
     _explain(axis, "satellites in use", heard.source)
 
 
-def _draw_clock(summary: BootSummary, clock: BootClock, axis: Axes) -> None:
+def _draw_clock(summary: flight_log.BootSummary, clock: flight_log.BootClock, axis: Axes) -> None:
     residual_ms = summary.clock_residual_s * 1e3
     axis.plot(summary.clock_time_s, residual_ms, ".", color=_BLUE, markersize=3)
     axis.axhline(0.0, color=_GREY, linewidth=1.0)
@@ -225,7 +217,7 @@ def _draw_clock(summary: BootSummary, clock: BootClock, axis: Axes) -> None:
     _explain(axis, "reading ahead of the line [ms]", drift)
 
 
-def _draw_intervals(events: CameraEvents, axis: Axes) -> None:
+def _draw_intervals(events: flight_log.CameraEvents, axis: Axes) -> None:
     apart = np.diff(events.time_boot_s)
     axis.vlines(events.time_boot_s[1:], 0.0, apart, color=_ORANGE, linewidth=1.2)
     axis.plot(events.time_boot_s[1:], apart, ".", color=_ORANGE, markersize=5)

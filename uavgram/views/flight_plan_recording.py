@@ -16,34 +16,12 @@ from uavgram.model.maps import close_ring
 from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_strips
-from uavgram.views.flight_plan import (
-    centimetres,
-    describe_accuracy,
-    describe_alternatives,
-    describe_criterion,
-    flight_facts,
-    lay_table,
-    list_assumptions,
-    metres,
-    summarise_work,
-    take_off_words,
-    value_table,
-)
+from uavgram.views import flight_plan, style
 from uavgram.views.recording.blueprint import layout, legend_view, page_views, space_view
 from uavgram.views.recording.labels import log_in_space, place_in_space
 from uavgram.views.recording.legend import BAR_PX, LEGEND, LegendPicture
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.style import (
-    BAD,
-    MEASURED,
-    OBSERVED,
-    QUIET,
-    REFERENCE,
-    REFINED,
-    Rgb,
-    scale_colours,
-)
 from uavgram.views.survey.outlines import corner_rays, longest_middle, pyramids
 from uavgram.views.tables import make_table, markdown, plain
 from uavgram.views.units import convert_sentence, select_like_lengths
@@ -75,17 +53,22 @@ def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units)
 
 def summary_page(planned: FlightPlanned, units: Units) -> str:
     """Write the summary page."""
-    parts = [f"# {plain(summarise_work(planned))}", *map(plain, describe_accuracy(planned))]
+    parts = [
+        f"# {plain(flight_plan.summarise_work(planned))}",
+        *map(plain, flight_plan.describe_accuracy(planned)),
+    ]
     parts += [f"**{plain(m.text)}** `{m.code}`" for m in planned.messages if m.level != "info"]
     if planned.measurements.name:
-        parts += ["## What will be measured", markdown(value_table(planned, units))]
-    flight = markdown(make_table(" | *", flight_facts(planned)))
-    parts += ["## The flight", flight, plain(take_off_words(planned))]
+        parts += ["## What will be measured", markdown(flight_plan.value_table(planned, units))]
+    flight = markdown(make_table(" | *", flight_plan.flight_facts(planned)))
+    parts += ["## The flight", flight, plain(flight_plan.take_off_words(planned))]
     if planned.gains:
         more = [(gain.what, f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
         parts += ["## Other choices", markdown(make_table("with | on average", more))]
     parts += [
-        plain(text) for text in (describe_criterion(planned), list_assumptions(planned)) if text
+        plain(text)
+        for text in (flight_plan.describe_criterion(planned), flight_plan.list_assumptions(planned))
+        if text
     ]
     parts += [f"{plain(m.text)} `{m.code}`" for m in planned.messages if m.level == "info"]
     return "\n\n".join(parts)
@@ -93,17 +76,17 @@ def summary_page(planned: FlightPlanned, units: Units) -> str:
 
 def lines_page(planned: FlightPlanned) -> str:
     """Write the page of lines and plates to lay out, and of alternatives."""
-    laid = lay_table(planned)
+    laid = flight_plan.lay_table(planned)
     if not laid.rows:
         return "No line is to be laid."
-    return "\n\n".join([markdown(laid), *map(plain, describe_alternatives(planned))])
+    return "\n\n".join([markdown(laid), *map(plain, flight_plan.describe_alternatives(planned))])
 
 
 def photo_page(planned: FlightPlanned, row: int) -> str:
     """Write the sheet of one photo: position and attitude of the drone."""
     frames = planned.frames
     facts = [
-        ("height above the ground", metres(float(frames.height_above_ground_m[row]))),
+        ("height above the ground", flight_plan.metres(float(frames.height_above_ground_m[row]))),
         ("nose", f"{frames.heading_deg[row] % 360:.0f}° from north"),
         ("camera", f"{-frames.gimbal_pitch_deg[row]:.0f}° below level"),
     ]
@@ -138,24 +121,24 @@ def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
     if reach is None:
         legend.write(1, "nothing can be measured in the area")
         return legend.cut()
-    length = convert_sentence(metres(planned.grid.length_m), units)
-    low, high = (convert_sentence(centimetres(one), units) for one in reach)
+    length = convert_sentence(flight_plan.metres(planned.grid.length_m), units)
+    low, high = (convert_sentence(flight_plan.centimetres(one), units) for one in reach)
     legend.write(1, f"ground: lengths of {length} will be known to ±", 8)
     legend.scale(1, low, high, map_colours(np.linspace(0, 1, BAR_PX)))
     return legend.cut()
 
 
-def _entries(planned: FlightPlanned) -> list[tuple[str, Rgb]]:
-    entries: list[tuple[str, Rgb]] = []
+def _entries(planned: FlightPlanned) -> list[tuple[str, style.Rgb]]:
+    entries: list[tuple[str, style.Rgb]] = []
     if planned.lines.name:
-        entries.append(("line to lay and tape", REFERENCE))
+        entries.append(("line to lay and tape", style.REFERENCE))
     if planned.plates.name:
-        entries.append(("plate to lay", REFERENCE))
-    entries += [("photo to take", REFINED), ("this photo and its footprint", OBSERVED)]
+        entries.append(("plate to lay", style.REFERENCE))
+    entries += [("photo to take", style.REFINED), ("this photo and its footprint", style.OBSERVED)]
     if planned.measurements.name:
-        entries.append(("will be measured", MEASURED))
+        entries.append(("will be measured", style.MEASURED))
     if planned.no_go_world_m:
-        entries.append(("keep out", BAD))
+        entries.append(("keep out", style.BAD))
     return entries
 
 
@@ -225,13 +208,13 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     _flight(recorder, planned, scene)
     lines = planned.lines
     strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
-    recorder.lines(f"{SPACE}/lines_to_lay", strips, REFERENCE, 5.0)
+    recorder.lines(f"{SPACE}/lines_to_lay", strips, style.REFERENCE, 5.0)
     rings = [close_ring(ring) for ring in planned.plates.corner_world_m]
-    recorder.lines(f"{SPACE}/plates_to_lay", rings, REFERENCE, 5.0)
+    recorder.lines(f"{SPACE}/plates_to_lay", rings, style.REFERENCE, 5.0)
     wanted = list(wanted_strips(planned).values())
-    recorder.lines(f"{SPACE}/wanted", wanted, MEASURED, 3.0)
+    recorder.lines(f"{SPACE}/wanted", wanted, style.MEASURED, 3.0)
     if planned.points.label:
-        recorder.dots(f"{SPACE}/points", planned.points.world_m, MEASURED, 3.5)
+        recorder.dots(f"{SPACE}/points", planned.points.world_m, style.MEASURED, 3.5)
     _names(recorder, planned, scene, units)
 
 
@@ -243,13 +226,13 @@ def accuracy_range(planned: FlightPlanned) -> tuple[float, float] | None:
 
 def map_colours(share: Floats) -> Pixels:
     """Return (N, 3) dim colours of the map, from the best (0) to the worst (1), as a background."""
-    return (DIM * scale_colours(share)).astype(np.uint8)
+    return (DIM * style.scale_colours(share)).astype(np.uint8)
 
 
 def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
-    recorder.lines(f"{SPACE}/area", [close_ring(planned.area_world_m)], OBSERVED, 2.0)
+    recorder.lines(f"{SPACE}/area", [close_ring(planned.area_world_m)], style.OBSERVED, 2.0)
     rings = [close_ring(ring) for ring in planned.no_go_world_m]
-    recorder.lines(f"{SPACE}/keep_out", rings, BAD, 4.0)
+    recorder.lines(f"{SPACE}/keep_out", rings, style.BAD, 4.0)
     reach = accuracy_range(planned)
     if reach is None:
         return
@@ -263,15 +246,17 @@ def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> Non
 def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
     frames = planned.frames
     if len(frames.name) > 1:
-        recorder.lines(f"{SPACE}/flight", [frames.center_world_m], REFINED, 1.5)
-    recorder.lines(f"{SPACE}/photos", scene.frusta_m, REFINED, 1.5)
+        recorder.lines(f"{SPACE}/flight", [frames.center_world_m], style.REFINED, 1.5)
+    recorder.lines(f"{SPACE}/photos", scene.frusta_m, style.REFINED, 1.5)
     rings = [close_ring(ring) for ring in frames.footprint_world_m]
-    recorder.lines(f"{SPACE}/footprints", rings, QUIET, 0.8)
+    recorder.lines(f"{SPACE}/footprints", rings, style.QUIET, 0.8)
     for name, strips, width in (
         ("this_photo", list(scene.frusta_m), 3.0),
         ("footprint_of_this_photo", rings, 2.0),
     ):
-        recorder.lines_of_frames(f"{SPACE}/{name}", [[one] for one in strips], OBSERVED, width)
+        recorder.lines_of_frames(
+            f"{SPACE}/{name}", [[one] for one in strips], style.OBSERVED, width
+        )
 
 
 def _name_places(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:
@@ -279,14 +264,14 @@ def _name_places(planned: FlightPlanned, units: Units) -> tuple[list[Floats], li
     lines, rows = planned.lines, planned.measurements
     places = list((lines.start_world_m + lines.end_world_m) / 2)
     words = [
-        f"{name} {convert_sentence(metres(float(length)), units)}"
+        f"{name} {convert_sentence(flight_plan.metres(float(length)), units)}"
         for name, length in zip(lines.name, lines.length_m, strict=True)
     ]
     places += list(planned.plates.center_world_m)
     words += list(planned.plates.name)
     for k, strip in wanted_strips(planned).items():
         places.append(longest_middle(strip))
-        sigma = convert_sentence(centimetres(float(rows.sigma[k])), units)
+        sigma = convert_sentence(flight_plan.centimetres(float(rows.sigma[k])), units)
         words.append(rows.name[k] + (f" ± {sigma}" if rows.unit[k] == "m" else ""))
     places += [ring.mean(axis=0) for ring in planned.no_go_world_m]
     words += ["keep out"] * len(planned.no_go_world_m)

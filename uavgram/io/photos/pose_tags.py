@@ -18,15 +18,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
-from uavgram.io.photos.metadata import (
-    DJI,
-    PIX4D,
-    XMP,
-    ExifPlace,
-    XmpTags,
-    read_exif_place,
-    read_xmp,
-)
+from uavgram.io.photos import metadata
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight_log import HeightDatum
 from uavgram.model.frames import PhotoPoses, Photos
@@ -86,24 +78,24 @@ class TagPose:
     editor: str = ""
 
 
-def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
+def dji_pose(xmp: metadata.XmpTags, exif: metadata.ExifPlace) -> TagPose | None:
     """Read DJI's tags: attitude of the gimbal (NED, Z-Y-X), heights above take-off, RTK sigmas.
 
     Names after the manuals of Zenmuse P1 (page 22) and Mavic 3M (page 89); older firmware writes
     ``GpsLongtitude``, the oldest leaves the place to EXIF.
     """
-    if not any(namespace == DJI for namespace, _ in xmp):
+    if not any(namespace == metadata.DJI for namespace, _ in xmp):
         return None
 
     def number(*names: str) -> float:
-        return _first_number(xmp, DJI, names)
+        return _first_number(xmp, metadata.DJI, names)
 
     latitude, longitude = number("GpsLatitude"), number("GpsLongitude", "GpsLongtitude")
     if not _is_place(latitude, longitude):
         latitude, longitude = exif.latitude_deg, exif.longitude_deg
     altitude = number("AbsoluteAltitude")
     flag = number("RtkFlag")
-    has_rtk = xmp.get((DJI, "AltitudeType"), "").lower().startswith("rtk") or flag >= 16
+    has_rtk = xmp.get((metadata.DJI, "AltitudeType"), "").lower().startswith("rtk") or flag >= 16
     # Mean variance of the two horizontal axes.
     horizontal = float(np.hypot(number("RtkStdLat"), number("RtkStdLon")) / math.sqrt(2))
     vertical = number("RtkStdHgt")
@@ -116,21 +108,21 @@ def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
         height_home_m=number("RelativeAltitude"),
         datum="ellipsoid" if has_rtk else "msl",
         datum_guess=RTK_GUESS if has_rtk else DJI_GUESS,
-        ypr_deg=_angles(xmp, DJI, "Gimbal{}Degree"),
-        vehicle_ypr_deg=_angles(xmp, DJI, "Flight{}Degree"),
+        ypr_deg=_angles(xmp, metadata.DJI, "Gimbal{}Degree"),
+        vehicle_ypr_deg=_angles(xmp, metadata.DJI, "Flight{}Degree"),
         sigma_horizontal_m=max(horizontal, RTK_FLOOR_HORIZONTAL_M) if stated else math.nan,
         sigma_vertical_m=max(vertical, RTK_FLOOR_VERTICAL_M) if stated else math.nan,
         source="DJI XMP",
     )
 
 
-def pix4d_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
+def pix4d_pose(xmp: metadata.XmpTags, exif: metadata.ExifPlace) -> TagPose | None:
     """Read Pix4D's Camera tags (nadir angles), which this program's `geotag --exif` writes too."""
-    if (PIX4D, "Yaw") not in xmp and (PIX4D, "GPSXYAccuracy") not in xmp:
+    if (metadata.PIX4D, "Yaw") not in xmp and (metadata.PIX4D, "GPSXYAccuracy") not in xmp:
         return None
-    nadir = np.radians([_angles(xmp, PIX4D, "{}")])
+    nadir = np.radians([_angles(xmp, metadata.PIX4D, "{}")])
     yaw, pitch, roll = np.degrees(gimbal_from_nadir(nadir)[0]).tolist()
-    system = xmp.get((PIX4D, "VertCS"), "").lower()
+    system = xmp.get((metadata.PIX4D, "VertCS"), "").lower()
     datum: HeightDatum = "ellipsoid" if system == "ellipsoidal" else "msl"
     return TagPose(
         latitude_deg=exif.latitude_deg,
@@ -139,13 +131,13 @@ def pix4d_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
         datum=datum,
         datum_guess="" if system or exif.above_sea else EXIF_GUESS,
         ypr_deg=(yaw, pitch, roll),
-        sigma_horizontal_m=_first_number(xmp, PIX4D, ("GPSXYAccuracy",)),
-        sigma_vertical_m=_first_number(xmp, PIX4D, ("GPSZAccuracy",)),
+        sigma_horizontal_m=_first_number(xmp, metadata.PIX4D, ("GPSXYAccuracy",)),
+        sigma_vertical_m=_first_number(xmp, metadata.PIX4D, ("GPSZAccuracy",)),
         source="Pix4D XMP",
     )
 
 
-def exif_pose(_xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
+def exif_pose(_xmp: metadata.XmpTags, exif: metadata.ExifPlace) -> TagPose | None:
     """Read plain EXIF: a place without attitude."""
     return TagPose(
         latitude_deg=exif.latitude_deg,
@@ -156,7 +148,7 @@ def exif_pose(_xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
     )
 
 
-MAKERS: tuple[Callable[[XmpTags, ExifPlace], TagPose | None], ...] = (
+MAKERS: tuple[Callable[[metadata.XmpTags, metadata.ExifPlace], TagPose | None], ...] = (
     pix4d_pose,  # first: a copy by `geotag` keeps its maker's tags beside the better ones
     dji_pose,
     exif_pose,
@@ -238,10 +230,10 @@ def first_maker(photos: Photos) -> str:
 
 
 def _read_pose(path: str) -> TagPose:
-    xmp, exif = read_xmp(path), read_exif_place(path)
+    xmp, exif = metadata.read_xmp(path), metadata.read_exif_place(path)
     poses = (read(xmp, exif) for read in MAKERS)
     pose = next(pose for pose in poses if pose is not None)
-    tool = xmp.get((XMP, "CreatorTool"), "")
+    tool = xmp.get((metadata.XMP, "CreatorTool"), "")
     return replace(pose, editor=tool if _EDITORS.search(tool) else "")
 
 
@@ -439,13 +431,13 @@ def _report_edited_photos(frame_id: tuple[str, ...], poses: list[TagPose]) -> tu
     return (Message("warning", "photo-edited", text),)
 
 
-def _angles(xmp: XmpTags, namespace: str, pattern: str) -> Angles:
+def _angles(xmp: metadata.XmpTags, namespace: str, pattern: str) -> Angles:
     """Read yaw, pitch, roll [deg]; all NaN where one is missing."""
     values = [_first_number(xmp, namespace, (pattern.format(a),)) for a in ("Yaw", "Pitch", "Roll")]
     return NONE if any(math.isnan(v) for v in values) else (values[0], values[1], values[2])
 
 
-def _first_number(xmp: XmpTags, namespace: str, names: Iterable[str]) -> float:
+def _first_number(xmp: metadata.XmpTags, namespace: str, names: Iterable[str]) -> float:
     """Return the first of the tags that is present and finite; a fraction (1/50) is one number."""
     for name in names:
         over, _, under = xmp.get((namespace, name), "").partition("/")

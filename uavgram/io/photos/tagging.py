@@ -22,20 +22,7 @@ from PIL import ExifTags, Image
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.decoding import START, Segment
-from uavgram.io.photos.metadata import (
-    APP0,
-    APP1,
-    DJI,
-    EXIF_HEAD,
-    PIX4D,
-    XMP_HEAD,
-    Jpeg,
-    XmpTags,
-    build_jpeg,
-    parse_jpeg,
-    parse_xmp,
-    xmp_packet,
-)
+from uavgram.io.photos import metadata
 from uavgram.model.frames import GeoTags
 
 BYTE, ASCII, LONG, RATIONAL = 1, 2, 4, 5
@@ -148,7 +135,7 @@ def _sexagesimal(order: str, degrees: float) -> bytes:
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 META = "adobe:ns:meta/"
-_PREFIXES = {"x": META, "rdf": RDF, "Camera": f"{PIX4D}/", "drone-dji": f"{DJI}/"}
+_PREFIXES = {"x": META, "rdf": RDF, "Camera": f"{metadata.PIX4D}/", "drone-dji": f"{metadata.DJI}/"}
 _RESERVED = re.compile(r"ns\d+|xml|")  # reserved by ElementTree
 _EMPTY_XMP = (
     f'<x:xmpmeta xmlns:x="{META}"><rdf:RDF xmlns:rdf="{RDF}"><rdf:Description rdf:about=""/>'
@@ -174,7 +161,7 @@ def set_tags(packet: bytes | None, tags: Mapping[tuple[str, str], str]) -> bytes
         The packet is not XML, declares entities, or has no description.
     """
     source = _EMPTY_XMP if packet is None else packet
-    parse_xmp(source)  # refuses declarations of entities
+    metadata.parse_xmp(source)  # refuses declarations of entities
     for prefix, uri in {**_PREFIXES, **_prefixes(source)}.items():
         if not _RESERVED.fullmatch(prefix):
             ET.register_namespace(prefix, uri)
@@ -229,7 +216,7 @@ def write_tagged_photo(tags: GeoTags, k: int, target: Path) -> None:
         The photo is not a JPEG, or its EXIF or XMP cannot be read, or has no room.
     """
     path = Path(tags.path[k])
-    jpeg = parse_jpeg(path.read_bytes())
+    jpeg = metadata.parse_jpeg(path.read_bytes())
     if jpeg is None:
         raise InputError(path, "is no JPEG, and only those can be tagged: leave --exif out")
     gps = ExifGps(
@@ -239,38 +226,39 @@ def write_tagged_photo(tags: GeoTags, k: int, target: Path) -> None:
         sigma_horizontal_m=float(tags.sigma_horizontal_m[k]),
     )
     try:
-        exif = EXIF_HEAD + set_gps(jpeg.app1(EXIF_HEAD), gps)
-        packet = xmp_packet(path)
-        old = {} if packet is None else parse_xmp(packet)
-        xmp = XMP_HEAD + set_tags(packet, _pose_tags(tags, k, old))
-        target.write_bytes(build_jpeg(_replace_segments(jpeg, exif, xmp), jpeg.scan))
+        exif = metadata.EXIF_HEAD + set_gps(jpeg.app1(metadata.EXIF_HEAD), gps)
+        packet = metadata.xmp_packet(path)
+        old = {} if packet is None else metadata.parse_xmp(packet)
+        xmp = metadata.XMP_HEAD + set_tags(packet, _pose_tags(tags, k, old))
+        target.write_bytes(metadata.build_jpeg(_replace_segments(jpeg, exif, xmp), jpeg.scan))
     except (TiffError, expat.ExpatError, ValueError) as fault:
         raise InputError(path, f"cannot be tagged: {fault}; leave --exif out") from fault
 
 
-def _replace_segments(jpeg: Jpeg, exif: bytes, xmp: bytes) -> list[Segment]:
+def _replace_segments(jpeg: metadata.Jpeg, exif: bytes, xmp: bytes) -> list[Segment]:
     """Put new EXIF and XMP before the other segments, after a JFIF header."""
     rest = [
         segment
         for segment in jpeg.segments
-        if segment.marker != APP1 or not segment.payload.startswith((EXIF_HEAD, XMP_HEAD))
+        if segment.marker != metadata.APP1
+        or not segment.payload.startswith((metadata.EXIF_HEAD, metadata.XMP_HEAD))
     ]
-    front = 1 if rest and rest[0].marker == APP0 else 0
-    return [*rest[:front], Segment(APP1, exif), Segment(APP1, xmp), *rest[front:]]
+    front = 1 if rest and rest[0].marker == metadata.APP0 else 0
+    return [*rest[:front], Segment(metadata.APP1, exif), Segment(metadata.APP1, xmp), *rest[front:]]
 
 
-def _pose_tags(tags: GeoTags, k: int, old: XmpTags) -> Tags:
+def _pose_tags(tags: GeoTags, k: int, old: metadata.XmpTags) -> Tags:
     """Collect the tags to set: Pix4D's always; DJI's where old ones exist and would contradict."""
     yaw, pitch, roll = np.degrees(tags.nadir_ypr_rad[k])
     new: Tags = {
-        (PIX4D, "Yaw"): f"{yaw:.4f}",
-        (PIX4D, "Pitch"): f"{pitch:.4f}",
-        (PIX4D, "Roll"): f"{roll:.4f}",
-        (PIX4D, "GPSXYAccuracy"): f"{tags.sigma_horizontal_m[k]:.3f}",
-        (PIX4D, "GPSZAccuracy"): f"{tags.sigma_vertical_m[k]:.3f}",
-        (PIX4D, "HorizCS"): "EPSG:4326",
+        (metadata.PIX4D, "Yaw"): f"{yaw:.4f}",
+        (metadata.PIX4D, "Pitch"): f"{pitch:.4f}",
+        (metadata.PIX4D, "Roll"): f"{roll:.4f}",
+        (metadata.PIX4D, "GPSXYAccuracy"): f"{tags.sigma_horizontal_m[k]:.3f}",
+        (metadata.PIX4D, "GPSZAccuracy"): f"{tags.sigma_vertical_m[k]:.3f}",
+        (metadata.PIX4D, "HorizCS"): "EPSG:4326",
         # EGM96, the geoid of autopilots and receivers, represents "above sea level"
-        (PIX4D, "VertCS"): "ellipsoidal" if tags.datum == "ellipsoid" else "EPSG:5773",
+        (metadata.PIX4D, "VertCS"): "ellipsoidal" if tags.datum == "ellipsoid" else "EPSG:5773",
     }
     yaw, pitch, roll = np.degrees(tags.gimbal_ypr_rad[k])
     longitude = f"{_half_turn(float(tags.longitude_deg[k])):.9f}"
@@ -287,7 +275,7 @@ def _pose_tags(tags: GeoTags, k: int, old: XmpTags) -> Tags:
         "RtkStdLon": per_axis,
         "RtkStdHgt": f"{tags.sigma_vertical_m[k]:.5f}",
     }
-    new |= {(DJI, name): text for name, text in dji.items() if (DJI, name) in old}
+    new |= {(metadata.DJI, name): text for name, text in dji.items() if (metadata.DJI, name) in old}
     return new
 
 
@@ -333,4 +321,4 @@ def insert_exif(jpeg: bytes, *, time_utc_s: float, zone_h: float, make: str, mod
             ExifTags.Base.SubsecTimeOriginal: f"{time.microsecond // 1000:03d}",
         }
     )
-    return build_jpeg([Segment(APP1, exif.tobytes())], jpeg[len(START) :])
+    return metadata.build_jpeg([Segment(metadata.APP1, exif.tobytes())], jpeg[len(START) :])

@@ -32,22 +32,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
 from uavgram.model.naming import row_shapes
 from uavgram.model.provenance import InputDigest, Provenance
-from uavgram.model.result.reliability import (
-    AreaNoise,
-    ChecksOverall,
-    Effects,
-    ErrorBudget,
-    EstimatedSigma,
-    Evidence,
-    Noise,
-    PickNoise,
-    PriorResults,
-    Reason,
-    RemovalRecord,
-    SecondOrder,
-    Verdict,
-    WeakestLinks,
-)
+from uavgram.model.result import reliability, tables
 from uavgram.model.result.result import (
     AreaPlane,
     Estimate,
@@ -57,69 +42,53 @@ from uavgram.model.result.result import (
     SolutionSummary,
     compare_cameras,
 )
-from uavgram.model.result.tables import (
-    ControlLineResults,
-    FrameResults,
-    KnownResults,
-    LineChecks,
-    LineResults,
-    MeasurementResults,
-    MonteCarloResults,
-    PickResults,
-    PlanarUncertainty,
-    PointChecks,
-    PointResults,
-    PoseTable,
-    ProfileResults,
-    TieSummary,
-)
 from uavgram.model.survey import Geodetic, World
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
-FRAMES = Table(FrameResults, elsewhere=("seed", "refined", "folder"))
-POSES = Table(PoseTable)
-POINTS = Table(PointResults, elsewhere=(*_ELLIPSE, "relative"))
-RELATIVE = Table(PlanarUncertainty, elsewhere=_ELLIPSE)
-LINES = Table(LineResults)
-KNOWN = Table(KnownResults)
-CONTROL_LINES = Table(ControlLineResults)
-PICKS = Table(PickResults)
-MEASUREMENTS = Table(MeasurementResults, elsewhere=("correlation",))
-PROFILES = Table(ProfileResults)
-POINT_CHECKS = Table(PointChecks)
-LINE_CHECKS = Table(LineChecks)
-PRIORS = Table(PriorResults, elsewhere=("effects",))
-EFFECTS = Table(Effects)
-WEAKEST = Table(WeakestLinks)
-SECOND_ORDER = Table(SecondOrder)
+FRAMES = Table(tables.FrameResults, elsewhere=("seed", "refined", "folder"))
+POSES = Table(tables.PoseTable)
+POINTS = Table(tables.PointResults, elsewhere=(*_ELLIPSE, "relative"))
+RELATIVE = Table(tables.PlanarUncertainty, elsewhere=_ELLIPSE)
+LINES = Table(tables.LineResults)
+KNOWN = Table(tables.KnownResults)
+CONTROL_LINES = Table(tables.ControlLineResults)
+PICKS = Table(tables.PickResults)
+MEASUREMENTS = Table(tables.MeasurementResults, elsewhere=("correlation",))
+PROFILES = Table(tables.ProfileResults)
+POINT_CHECKS = Table(tables.PointChecks)
+LINE_CHECKS = Table(tables.LineChecks)
+PRIORS = Table(reliability.PriorResults, elsewhere=("effects",))
+EFFECTS = Table(reliability.Effects)
+WEAKEST = Table(reliability.WeakestLinks)
+SECOND_ORDER = Table(reliability.SecondOrder)
 
 
-def dump_frames(frames: FrameResults) -> list[Record]:
+def dump_frames(frames: tables.FrameResults) -> list[Record]:
     """Return the frames; a missing pose is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
     poses = [{"seed": a, "refined": b} for a, b in zip(seed, refined, strict=True)]
     return join_records(FRAMES.dump(frames), poses)
 
 
-def load_frames(records: Sequence[Record]) -> FrameResults:
+def load_frames(records: Sequence[Record]) -> tables.FrameResults:
     """Invert `dump_frames`."""
     return FRAMES.load(
         records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
     )
 
 
-def _dump_poses(poses: PoseTable) -> list[Record | None]:
+def _dump_poses(poses: tables.PoseTable) -> list[Record | None]:
     present = [bool(np.isfinite(center).any()) for center in poses.center_world_m]
     return [row if there else None for there, row in zip(present, POSES.dump(poses), strict=True)]
 
 
-def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
-    shapes = row_shapes(PoseTable).items()
+def _load_poses(rows: Sequence[Record | None]) -> tables.PoseTable:
+    shapes = row_shapes(tables.PoseTable).items()
     absent = {key: encode(np.full(shape, np.nan)) for key, shape in shapes}
     return POSES.load([row or absent for row in rows])
 
 
-def dump_points(points: PointResults) -> list[Record]:
+def dump_points(points: tables.PointResults) -> list[Record]:
     """Return the ground points; angles in degrees for people, and in the original radians."""
     relative = join_records(RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
     for row, off_ground in zip(relative, points.is_off_ground, strict=True):
@@ -130,7 +99,7 @@ def dump_points(points: PointResults) -> list[Record]:
     )
 
 
-def load_points(records: Sequence[Record]) -> PointResults:
+def load_points(records: Sequence[Record]) -> tables.PointResults:
     """Invert `dump_points`."""
     nothing = {"covariance_m3": [[None] * 3] * 3}  # left out for points on the ground
     relative = [nothing | row["relative"] for row in records]
@@ -141,7 +110,7 @@ def load_points(records: Sequence[Record]) -> PointResults:
     )
 
 
-def _dump_ellipses(points: PointResults | PlanarUncertainty) -> list[Record]:
+def _dump_ellipses(points: tables.PointResults | tables.PlanarUncertainty) -> list[Record]:
     axes, azimuth = points.ellipse_95_m, points.ellipse_azimuth_rad
     keys = ("semi_major_m", "semi_minor_m", "azimuth_deg", "azimuth_rad")
     rows = np.column_stack([axes, np.rad2deg(azimuth), azimuth]).tolist()
@@ -158,7 +127,7 @@ def _load_ellipses(records: Sequence[Record]) -> Record:
     }
 
 
-def load_measurements(records: Sequence[Record], correlation: Json) -> MeasurementResults:
+def load_measurements(records: Sequence[Record], correlation: Json) -> tables.MeasurementResults:
     """Read the measured values with their correlation."""
     n = len(records)
     return MEASUREMENTS.load(
@@ -184,12 +153,12 @@ def add_evidence(result: Result, content: Record) -> Record:
     return content
 
 
-def load_evidence(content: Record) -> Evidence | None:
+def load_evidence(content: Record) -> reliability.Evidence | None:
     """Read the evidence of a results file; None where it has none."""
     if "priors" not in content:
         return None
     priors = content["priors"]
-    return Evidence(
+    return reliability.Evidence(
         lines=EFFECTS.load(content["lines"]),
         picks=EFFECTS.load(content["picks"]),
         priors=PRIORS.load(priors, effects=EFFECTS.load(priors)),
@@ -197,14 +166,14 @@ def load_evidence(content: Record) -> Evidence | None:
     )
 
 
-def load_second_order(records: Sequence[Record]) -> SecondOrder | None:
+def load_second_order(records: Sequence[Record]) -> reliability.SecondOrder | None:
     """Read the second-order terms of the measurements; None where there are none."""
     if not records or "second_order_sigma" not in records[0]:
         return None
     return SECOND_ORDER.load(records)
 
 
-def _dump_weakest(weakest: WeakestLinks) -> list[Record]:
+def _dump_weakest(weakest: reliability.WeakestLinks) -> list[Record]:
     rows = WEAKEST.dump(weakest)
     unchecked = [row.pop("unchecked") for row in rows]
     return [
@@ -213,7 +182,7 @@ def _dump_weakest(weakest: WeakestLinks) -> list[Record]:
     ]
 
 
-def _load_weakest(records: Sequence[Record]) -> WeakestLinks:
+def _load_weakest(records: Sequence[Record]) -> reliability.WeakestLinks:
     none = {"what": "", "mdb": None, "unit": "", "change": None}
     return WEAKEST.load(
         [(row["weakest"] or none) | {"unchecked": row["unchecked"]} for row in records]
@@ -224,19 +193,19 @@ _ADDED: Record = {"plain": "", "mend": None, "instead": []}
 """Keys of a reason that are left out where they are empty."""
 
 
-def dump_verdict(verdict: Verdict) -> Record:
+def dump_verdict(verdict: reliability.Verdict) -> Record:
     """Return level and reasons."""
     return {"level": verdict.level, "reasons": [_dump_reason(one) for one in verdict.reasons]}
 
 
-def load_verdict(record: Record) -> Verdict:
+def load_verdict(record: Record) -> reliability.Verdict:
     """Invert `dump_verdict`."""
     return from_record(
-        Verdict, record, reasons=tuple(_load_reason(one) for one in record["reasons"])
+        reliability.Verdict, record, reasons=tuple(_load_reason(one) for one in record["reasons"])
     )
 
 
-def _dump_reason(reason: Reason) -> Record:
+def _dump_reason(reason: reliability.Reason) -> Record:
     record: Record = encode(reason)
     if reason.mend is not None:
         record["mend"] = _dump_remedy(reason.mend)
@@ -244,11 +213,11 @@ def _dump_reason(reason: Reason) -> Record:
     return {key: value for key, value in record.items() if value != _ADDED.get(key, "always")}
 
 
-def _load_reason(record: Record) -> Reason:
+def _load_reason(record: Record) -> reliability.Reason:
     record = _ADDED | record
     mend = None if record["mend"] is None else _load_remedy(record["mend"])
     instead = tuple(_load_remedy(one) for one in record["instead"])
-    return from_record(Reason, record, mend=mend, instead=instead)
+    return from_record(reliability.Reason, record, mend=mend, instead=instead)
 
 
 def _dump_remedy(remedy: Remedy) -> Record:
@@ -372,18 +341,18 @@ def _result(content: Record) -> Result:
         picks=PICKS.load(content["picks"]),
         measurements=load_measurements(rows, content["measurement_correlation"]),
         profiles=PROFILES.load(content["profiles"]),
-        monte_carlo=decode(MonteCarloResults | None, content["monte_carlo"]),
+        monte_carlo=decode(tables.MonteCarloResults | None, content["monte_carlo"]),
         second_order=load_second_order(rows),
         evidence=load_evidence(content),
-        removals=decode(tuple[RemovalRecord, ...], content["removals"]),
+        removals=decode(tuple[reliability.RemovalRecord, ...], content["removals"]),
         error_budget=_load_error_budget(content.get("error_budget")),
-        checks_overall=decode(ChecksOverall | None, content["checks_overall"]),
+        checks_overall=decode(reliability.ChecksOverall | None, content["checks_overall"]),
         point_checks=POINT_CHECKS.load([c for c in checks if "label" in c]),
         line_checks=LINE_CHECKS.load([c for c in checks if "label" not in c]),
         solution=from_record(SolutionSummary, content["solution"]),
         noise=_load_noise(content["noise"]),
         orientation=decode(OrientationCorrelation | None, content["orientation"]),
-        ties=decode(TieSummary | None, content["ties"]),
+        ties=decode(tables.TieSummary | None, content["ties"]),
         messages=tuple(load_message(record) for record in content["messages"]),
         verdict=load_verdict(content["verdict"]),
     )
@@ -558,7 +527,7 @@ def _load_plane(record: Record) -> AreaPlane:
     )
 
 
-def _dump_noise(noise: Noise | None) -> Record | None:
+def _dump_noise(noise: reliability.Noise | None) -> Record | None:
     """Return the noise: picks by source, roughness by area, lengths and identification."""
     if noise is None:
         return None
@@ -574,26 +543,28 @@ def _remove_key(record: Record, key: str) -> Record:
     return {other: value for other, value in record.items() if other != key}
 
 
-def _load_noise(record: Record | None) -> Noise | None:
+def _load_noise(record: Record | None) -> reliability.Noise | None:
     """Invert `_dump_noise`."""
     if record is None:
         return None
-    return Noise(
+    return reliability.Noise(
         picks=tuple(
-            from_record(PickNoise, one, source=source) for source, one in record["picks"].items()
+            from_record(reliability.PickNoise, one, source=source)
+            for source, one in record["picks"].items()
         ),
         roughness=tuple(
-            from_record(AreaNoise, one, area=area) for area, one in record["roughness"].items()
+            from_record(reliability.AreaNoise, one, area=area)
+            for area, one in record["roughness"].items()
         ),
-        lengths=decode(EstimatedSigma | None, record["lengths"]),
-        identification=decode(EstimatedSigma | None, record["identification"]),
+        lengths=decode(reliability.EstimatedSigma | None, record["lengths"]),
+        identification=decode(reliability.EstimatedSigma | None, record["identification"]),
     )
 
 
-def _load_error_budget(record: Record | None) -> ErrorBudget | None:
+def _load_error_budget(record: Record | None) -> reliability.ErrorBudget | None:
     """Read the shares of the variance of each measurement, by source."""
     if record is None:
         return None
     sources = decode(tuple[str, ...], record["sources"])
     shares = numbers(record["shares"], len(record["shares"]), len(sources))
-    return ErrorBudget(source=sources, share=shares)
+    return reliability.ErrorBudget(source=sources, share=shares)

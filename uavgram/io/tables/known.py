@@ -12,19 +12,9 @@ from uavgram.errors import InputError, suggest_spelling
 from uavgram.estimation.survey.known_kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.measure import read_parameters, read_points, request_fault
+from uavgram.model import observations
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import format_digits
-from uavgram.model.observations import (
-    MEASUREMENT_FORMS,
-    NOT_KNOWN,
-    ON_LINE,
-    STRAIGHTNESS_M,
-    ControlLines,
-    KnownLines,
-    KnownPoints,
-    KnownThings,
-    MeasurementRequest,
-)
 
 _USES = ("adjust", "check")
 """Words of the column `use`; the first one is the default of an empty cell."""
@@ -38,7 +28,7 @@ LINES_COLUMNS = Columns(
 )
 
 
-def read_lines(path: str | Path) -> KnownLines:
+def read_lines(path: str | Path) -> observations.KnownLines:
     """Read known lengths.
 
     Raises
@@ -54,7 +44,7 @@ def read_lines(path: str | Path) -> KnownLines:
         if start and start == end:
             table.add_fault(row, f"goes from {start!r} to itself: 'to' must be another label")
     table.raise_faults()
-    return KnownLines(
+    return observations.KnownLines(
         name=table.text["name"],
         start=table.text["from"],
         end=table.text["to"],
@@ -82,7 +72,7 @@ THREE_SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
 _ALL = (*_COORDINATES["geodetic"], *_COORDINATES["local"], *_ONE_SIGMA, *THREE_SIGMAS)
 
 
-def read_known_points(path: str | Path) -> KnownPoints:
+def read_known_points(path: str | Path) -> observations.KnownPoints:
     """Read points with known coordinates.
 
     Raises
@@ -101,7 +91,7 @@ def read_known_points(path: str | Path) -> KnownPoints:
     table.require_unique("label", "label")
     table.raise_faults()
     sigma_m = np.stack([table.numbers[name] for name in sigmas], axis=1)
-    return KnownPoints(
+    return observations.KnownPoints(
         label=table.text["label"],
         kind=kind,
         coordinates=np.stack([table.numbers[name] for name in names], axis=1),
@@ -146,7 +136,7 @@ KNOWN_COLUMNS = Columns(
 )
 
 
-def read_known(path: str | Path) -> KnownThings:
+def read_known(path: str | Path) -> observations.KnownThings:
     """Read known values of the scene.
 
     Raises
@@ -170,7 +160,7 @@ def read_known(path: str | Path) -> KnownThings:
         if is_known:
             _check_value(table, row, kind)
     table.raise_faults()
-    return KnownThings(
+    return observations.KnownThings(
         name=table.text["name"],
         kind=table.text["kind"],
         points=tuple(points),
@@ -183,8 +173,8 @@ def read_known(path: str | Path) -> KnownThings:
 
 def _explain_unknown_kind(kind: str) -> str:
     """Describe the mistake in a kind."""
-    if kind in NOT_KNOWN:
-        return f"kind {kind!r} cannot be known: {NOT_KNOWN[kind]}"
+    if kind in observations.NOT_KNOWN:
+        return f"kind {kind!r} cannot be known: {observations.NOT_KNOWN[kind]}"
     hint = suggest_spelling(kind, KNOWN_KINDS) or f"known are {', '.join(KNOWN_KINDS)}"
     return f"unknown kind {kind!r}: {hint}"
 
@@ -194,8 +184,10 @@ def _points(
 ) -> tuple[str, ...]:
     least, most = KNOWN_KINDS[kind].points
     points = read_points(table, row, kind, (least, most))
-    if kind in MEASUREMENT_FORMS and points:
-        request = MeasurementRequest(name="", kind=kind, points=points, parameters=parameters)
+    if kind in observations.MEASUREMENT_FORMS and points:
+        request = observations.MeasurementRequest(
+            name="", kind=kind, points=points, parameters=parameters
+        )
         if fault := request_fault(request):
             table.add_fault(row, fault)
     is_right = least <= len(points) <= (most or len(points))
@@ -252,7 +244,7 @@ SHORTEST_M = 0.5
 _DEGREE_M = 111_000.0
 
 
-def read_control_lines(path: str | Path) -> ControlLines:
+def read_control_lines(path: str | Path) -> observations.ControlLines:
     """Read lines with known coordinates.
 
     Raises
@@ -275,13 +267,13 @@ def read_control_lines(path: str | Path) -> ControlLines:
     plan, up, own = (table.numbers[name] for name in _SIGMAS)
     up = np.where(np.isnan(up), plan, up)
     sigma = np.broadcast_to(np.stack([plan, plan, up], axis=1)[:, None], ends.shape)
-    return ControlLines(
+    return observations.ControlLines(
         name=table.text["name"],
         points=points,
         kind=kind,
         coordinates=ends,
         sigma_m=np.where(np.isnan(ends), np.nan, sigma),
-        straightness_m=np.where(np.isnan(own), STRAIGHTNESS_M, own),
+        straightness_m=np.where(np.isnan(own), observations.STRAIGHTNESS_M, own),
         adjust=np.array([use != "check" for use in table.text["use"]], dtype=np.bool_),
     )
 
@@ -319,7 +311,7 @@ def _check_ends(
 
 
 def _line_points(table: Table, row: int) -> tuple[str, ...]:
-    points = read_points(table, row, ON_LINE, (1, None))
+    points = read_points(table, row, observations.ON_LINE, (1, None))
     if len(set(points)) < len(points):
         table.add_fault(row, f"points names a label twice (got {table.text['points'][row]!r})")
     return points

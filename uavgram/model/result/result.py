@@ -16,32 +16,7 @@ from uavgram.model.camera import Calibration
 from uavgram.model.message import Message
 from uavgram.model.naming import Column
 from uavgram.model.provenance import Provenance
-from uavgram.model.result.reliability import (
-    ChecksOverall,
-    ErrorBudget,
-    Evidence,
-    Noise,
-    RemovalRecord,
-    SecondOrder,
-    Verdict,
-)
-from uavgram.model.result.tables import (
-    NO_LINES_OF_POSITION,
-    NO_PROFILES,
-    NOTHING_KNOWN,
-    ControlLineResults,
-    FrameResults,
-    KnownResults,
-    LineChecks,
-    LineResults,
-    MeasurementResults,
-    MonteCarloResults,
-    PickResults,
-    PointChecks,
-    PointResults,
-    ProfileResults,
-    TieSummary,
-)
+from uavgram.model.result import reliability, tables
 from uavgram.model.survey import World
 
 POSE_NAMES = ("east", "north", "up", "turn about right", "turn about down", "turn about forward")
@@ -258,39 +233,39 @@ class Result:
     shared: SharedResult
     areas: tuple[AreaPlane, ...]
     """Planes of the ground, one for each area; the default area's, where it has points, first."""
-    frames: FrameResults
-    points: PointResults
-    lines: LineResults
-    known: KnownResults = NOTHING_KNOWN
-    control_lines: ControlLineResults = NO_LINES_OF_POSITION
+    frames: tables.FrameResults
+    points: tables.PointResults
+    lines: tables.LineResults
+    known: tables.KnownResults = tables.NOTHING_KNOWN
+    control_lines: tables.ControlLineResults = tables.NO_LINES_OF_POSITION
     """Lines of known position; each has a row in `known` too."""
-    picks: PickResults
-    measurements: MeasurementResults
-    profiles: ProfileResults = NO_PROFILES
+    picks: tables.PickResults
+    measurements: tables.MeasurementResults
+    profiles: tables.ProfileResults = tables.NO_PROFILES
     """Points of the measured profiles."""
-    monte_carlo: MonteCarloResults | None = None
+    monte_carlo: tables.MonteCarloResults | None = None
     """Sampled distribution, where sampling was requested."""
-    second_order: SecondOrder | None = None
+    second_order: reliability.SecondOrder | None = None
     """Errors of first-order propagation in the measurements."""
-    evidence: Evidence | None = None
+    evidence: reliability.Evidence | None = None
     """External reliability: effects of errors that no test finds."""
-    removals: tuple[RemovalRecord, ...] = ()
+    removals: tuple[reliability.RemovalRecord, ...] = ()
     """Observations removed as gross errors, in order."""
-    error_budget: ErrorBudget | None = None
+    error_budget: reliability.ErrorBudget | None = None
     """Sources of the variance of each measurement."""
-    checks_overall: ChecksOverall | None = None
+    checks_overall: reliability.ChecksOverall | None = None
     """All checks together; None where nothing was withheld."""
-    point_checks: PointChecks
-    line_checks: LineChecks
+    point_checks: tables.PointChecks
+    line_checks: tables.LineChecks
     solution: SolutionSummary
-    noise: Noise | None = None
+    noise: reliability.Noise | None = None
     """Sizes of errors, estimated from the survey; None where the stated sigmas were kept."""
     orientation: OrientationCorrelation | None = None
     """Correlations of the poses with camera and plane; None where nothing was adjusted."""
-    ties: TieSummary | None = None
+    ties: tables.TieSummary | None = None
     """All tie points together; None where none were used."""
     messages: tuple[Message, ...]
-    verdict: Verdict
+    verdict: reliability.Verdict
 
     @property
     def plane(self) -> AreaPlane:

@@ -23,6 +23,7 @@ from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import Outcomes, make_accept_command
 from uavgram.picking.document.state import State, make_state
+from uavgram.picking.protocol import encode_project
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_answers import (
     proposals_json,
@@ -30,16 +31,6 @@ from uavgram.picking.protocol.encode_answers import (
     side_json,
     snap_json,
     ties_json,
-)
-from uavgram.picking.protocol.encode_project import (
-    camera_json,
-    clock_json,
-    control_lines_json,
-    flight_json,
-    list_hidden_labels,
-    photos_json,
-    planned_json,
-    sample_json,
 )
 from uavgram.picking.protocol.encode_quantities import expected_json
 from uavgram.picking.protocol.encode_survey import (
@@ -168,20 +159,20 @@ class PickSession:
             "tile_px": TILE_PX,
             "pick_sigma_px": inputs.project.picks_sigma_px,
             "reading_sigma_m": inputs.project.tape.reading_sigma_m,
-            "photos": photos_json(self.survey, self.photos),
+            "photos": encode_project.photos_json(self.survey, self.photos),
             "damaged": [one.frames[0] for one in damaged],
             "left_out": sorted(inputs.project.leave_out),
-            "camera": camera_json(self.survey),
-            "clock": clock_json(self.survey),
-            "flight": flight_json(self.survey),
+            "camera": encode_project.camera_json(self.survey),
+            "clock": encode_project.clock_json(self.survey),
+            "flight": encode_project.flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
-            "named": list_hidden_labels(inputs),
-            "sample": sample_json(inputs),
-            "planned": planned_json(
+            "named": encode_project.list_hidden_labels(inputs),
+            "sample": encode_project.sample_json(inputs),
+            "planned": encode_project.planned_json(
                 inputs.planned, inputs.project.units, sought=inputs.project.targets is not None
             ),
-            "control_lines": control_lines_json(inputs),
+            "control_lines": encode_project.control_lines_json(inputs),
             "expected": self._predict_places(),
             "recovered": self.is_recovered,
             "messages": messages_json(

@@ -33,19 +33,9 @@ from uavgram.model.message import Message
 from uavgram.model.observations import KnownLines, KnownThings, KnownWorldPoints
 from uavgram.model.options import Project, SolveOptions, option_pairs
 from uavgram.model.provenance import Provenance
+from uavgram.model.result import tables
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
 from uavgram.model.result.result import GroupFactor, Result, SharedResult, compare_cameras
-from uavgram.model.result.tables import (
-    ControlLineResults,
-    FrameResults,
-    KnownResults,
-    LineChecks,
-    LineResults,
-    MeasurementResults,
-    MonteCarloResults,
-    PickResults,
-    PointChecks,
-)
 from uavgram.model.survey import Survey, World
 from uavgram.model.work import report_work
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
@@ -57,34 +47,10 @@ from uavgram.pipeline.measure.observations import (
 )
 from uavgram.pipeline.measure.pose import PosedFrames, pose_frames, transform_known
 from uavgram.pipeline.versions import package_versions, stamp
+from uavgram.stages import judge
 from uavgram.stages.assemble import Assembled, apply_reading_step, assemble
 from uavgram.stages.camera import ASSUMED_CAMERA, UNKNOWN_CAMERA, report_learnt_camera
 from uavgram.stages.duplicates import Duplicates
-from uavgram.stages.judge import (
-    Fit,
-    TestedSurvey,
-    compare_withheld,
-    compute_fit,
-    contradicts_result,
-    determine_verdict,
-    judge_control_lines,
-    judge_fit,
-    judge_groups,
-    judge_known,
-    judge_lines,
-    judge_majority,
-    judge_makers,
-    judge_overall,
-    judge_picks,
-    judge_points,
-    judge_priors,
-    judge_removals,
-    judge_rivals,
-    judge_suspects,
-    judge_unchecked,
-    judge_weakest,
-    run_tests,
-)
 from uavgram.stages.measure import (
     add_alternatives,
     check_second_order,
@@ -116,14 +82,14 @@ Table = TypeVar("Table")
 class Judgement:
     """Parts of a result on the quality of the fit, as the basis of the verdict."""
 
-    examined: TestedSurvey
-    fit: Fit
-    picks: PickResults
-    lines: LineResults
-    known: KnownResults
-    control_lines: ControlLineResults
-    line_checks: LineChecks
-    point_checks: PointChecks
+    examined: judge.TestedSurvey
+    fit: judge.Fit
+    picks: tables.PickResults
+    lines: tables.LineResults
+    known: tables.KnownResults
+    control_lines: tables.ControlLineResults
+    line_checks: tables.LineChecks
+    point_checks: tables.PointChecks
     groups: tuple[GroupFactor, ...]
     evidence: Evidence
     checks_overall: ChecksOverall | None
@@ -157,60 +123,62 @@ def judge_survey(
     """
     significance = inputs.project.solve.significance
     lines, index = inputs.lines, assembled.line_index
-    withheld = compare_withheld(refined.adjustment, lines, check)
-    examined = run_tests(refined, measured, significance, withheld)
-    picks, pick_effects = judge_picks(
+    withheld = judge.compare_withheld(refined.adjustment, lines, check)
+    examined = judge.run_tests(refined, measured, significance, withheld)
+    picks, pick_effects = judge.judge_picks(
         examined, inputs.picks, assembled.pick_sigma_px, assembled.pick_index
     )
     picked = frozenset(inputs.picks.label)
-    line_results, line_checks, line_effects, line_messages = judge_lines(
+    line_results, line_checks, line_effects, line_messages = judge.judge_lines(
         examined, lines, index, picked
     )
-    known, known_messages = judge_known(examined, inputs.known, picked)
+    known, known_messages = judge.judge_known(examined, inputs.known, picked)
     # Tables show the result; messages report misfits that its suspects do not explain.
     both = tuple(dict.fromkeys((refined.adjustment, examined.without_suspects)))
     point_checks, unseen_messages = _first_and_last(
-        [judge_points(one, check, significance) for one in both]
+        [judge.judge_points(one, check, significance) for one in both]
     )
-    each = (withheld, *(compare_withheld(one, lines, check) for one in both[1:]))
+    each = (withheld, *(judge.compare_withheld(one, lines, check) for one in both[1:]))
     overall, overall_messages = _first_and_last(
-        [judge_overall(*one, significance) for one in zip(both, each, strict=True)]
+        [judge.judge_overall(*one, significance) for one in zip(both, each, strict=True)]
     )
     groups, group_messages = _first_and_last(
-        [judge_groups(one, significance, examined.list_suspected_kinds()) for one in both]
+        [judge.judge_groups(one, significance, examined.list_suspected_kinds()) for one in both]
     )
-    fit = compute_fit(refined, line_results, known, point_checks, overall, given=assembled.survey)
+    fit = judge.compute_fit(
+        refined, line_results, known, point_checks, overall, given=assembled.survey
+    )
     return Judgement(
         examined=examined,
         fit=fit,
         picks=picks,
         lines=line_results,
         known=known,
-        control_lines=judge_control_lines(refined.adjustment, inputs.known, known),
+        control_lines=judge.judge_control_lines(refined.adjustment, inputs.known, known),
         line_checks=line_checks,
         point_checks=point_checks,
         groups=groups,
         evidence=Evidence(
             lines=line_effects,
             picks=pick_effects,
-            priors=judge_priors(examined),
-            weakest=judge_weakest(examined),
+            priors=judge.judge_priors(examined),
+            weakest=judge.judge_weakest(examined),
         ),
         checks_overall=overall,
-        removals=judge_removals(
+        removals=judge.judge_removals(
             refined, lines, index, inputs.requests, frames, measured, inputs.known
         ),
         messages=(
-            *judge_suspects(examined),
-            *judge_rivals(refined),
-            *judge_majority(refined, index, line_results, known),
+            *judge.judge_suspects(examined),
+            *judge.judge_rivals(refined),
+            *judge.judge_majority(refined, index, line_results, known),
             *line_messages,
             *known_messages,
             *unseen_messages,
             *overall_messages,
             *group_messages,
-            *judge_fit(fit, examined.without_suspects),
-            *judge_unchecked(examined, moved),
+            *judge.judge_fit(fit, examined.without_suspects),
+            *judge.judge_unchecked(examined, moved),
         ),
     )
 
@@ -306,12 +274,12 @@ def compute(
         *measured.messages,
         *sampled_messages,
         *downgrade_explained(judged.messages, refined.causes),
-        *judge_makers(judged.picks, measured.table),
+        *judge.judge_makers(judged.picks, measured.table),
     )
     tied = summarise_ties(adjustment, posed.frames.frame_id)
     still = {cause.message.code for cause in refined.causes if cause not in mended}
     put_right = {cause.message.code for cause in mended} - still
-    verdict, status = determine_verdict(
+    verdict, status = judge.determine_verdict(
         messages, judged.fit, judged.examined, measured.table, put_right, measured.harmless
     )
     result = Result(
@@ -456,7 +424,7 @@ class _Measurements(NamedTuple):
     and contradict none.
     """
 
-    table: MeasurementResults
+    table: tables.MeasurementResults
     curvature: SecondOrder | None
     others: tuple[tuple[float, ...], ...]
     messages: tuple[Message, ...]
@@ -483,7 +451,7 @@ def _measure(
 
     def contradicts(other: Adjustment) -> bool:
         value = measure(other, inputs.requests, frames)[0].value
-        return contradicts_result(table, refined.adjustment, value, other)
+        return judge.contradicts_result(table, refined.adjustment, value, other)
 
     harmful = {
         code
@@ -512,9 +480,9 @@ def _run_monte_carlo(
     inputs: Inputs,
     frames: Frames,
     adjustment: Adjustment,
-    table: MeasurementResults,
+    table: tables.MeasurementResults,
     sampling: Sampling | None,
-) -> tuple[MonteCarloResults | None, tuple[Message, ...]]:
+) -> tuple[tables.MonteCarloResults | None, tuple[Message, ...]]:
     """Run the Monte Carlo check, if requested."""
     if sampling is None:
         return None, ()
@@ -557,7 +525,7 @@ def _frames(
     assembled: Assembled,
     refined: Refined,
     duplicates: Duplicates,
-) -> FrameResults:
+) -> tables.FrameResults:
     """Return all frames; a reason for left-out picks is given, the frame's own first."""
     reasons = {
         image: duplicates.reason(image) for image in (*inputs.picks.image, *duplicates.photos)

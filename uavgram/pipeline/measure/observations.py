@@ -7,17 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from uavgram.model import observations
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
-from uavgram.model.observations import (
-    ON_LINE,
-    ControlLines,
-    KnownLines,
-    KnownPoints,
-    KnownThings,
-    LinePosition,
-    Picks,
-)
 from uavgram.model.options import TargetOptions
 from uavgram.model.survey import Cause, World
 from uavgram.pipeline.measure.inputs import Inputs
@@ -62,7 +54,9 @@ def apply_corrections(inputs: Inputs, assembled: Assembled, causes: Iterable[Cau
     return inputs
 
 
-def _picks(picks: Picks, label: dict[int, str], pixel_px: dict[int, tuple[float, float]]) -> Picks:
+def _picks(
+    picks: observations.Picks, label: dict[int, str], pixel_px: dict[int, tuple[float, float]]
+) -> observations.Picks:
     labels, pixels = list(picks.label), np.array(picks.pixel_px)
     for row, name in label.items():
         labels[row] = name
@@ -72,11 +66,11 @@ def _picks(picks: Picks, label: dict[int, str], pixel_px: dict[int, tuple[float,
 
 
 def _lines(
-    lines: KnownLines,
+    lines: observations.KnownLines,
     length_m: dict[int, float],
     ends: dict[int, tuple[str, str]],
     level: set[int],
-) -> KnownLines:
+) -> observations.KnownLines:
     length, start, end = np.array(lines.length_m), list(lines.start), list(lines.end)
     for row, value in length_m.items():
         length[row] = value
@@ -100,8 +94,8 @@ def plate_outline(targets: TargetOptions) -> Floats:
 
 
 def append_plate_sides(
-    lines: KnownLines, picks: Picks, targets: TargetOptions | None
-) -> KnownLines:
+    lines: observations.KnownLines, picks: observations.Picks, targets: TargetOptions | None
+) -> observations.KnownLines:
     """Add the lengths of the plates that were found.
 
     Parameters
@@ -135,7 +129,7 @@ def append_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[M
         return inputs, messages
     has_height = np.isfinite(lines.coordinates[:, 0, 2])
     placed = [
-        LinePosition(
+        observations.LinePosition(
             ends_m=_drop_height(place, has_height=high),
             sigma_m=np.nan_to_num(sigma),
             straightness_m=float(own),
@@ -151,9 +145,9 @@ def append_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[M
     ]
     known, none = inputs.known, (None,) * len(inputs.known.name)
     count = len(lines.name)
-    joined = KnownThings(
+    joined = observations.KnownThings(
         name=(*known.name, *lines.name),
-        kind=(*known.kind, *(ON_LINE,) * count),
+        kind=(*known.kind, *(observations.ON_LINE,) * count),
         points=(*known.points, *lines.points),
         value=np.concatenate([known.value, np.full(count, np.nan)]),
         sigma=np.concatenate([known.sigma, [line.across_m for line in placed]]),
@@ -164,7 +158,7 @@ def append_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[M
     return replace(inputs, known=joined), ()
 
 
-def _ends(lines: ControlLines, world: World) -> KnownPoints:
+def _ends(lines: observations.ControlLines, world: World) -> observations.KnownPoints:
     """Return starts and ends in turn; unknown heights are set to that of the origin.
 
     This has hardly an effect on the horizontal position: east and north of a place 100 m higher
@@ -173,7 +167,7 @@ def _ends(lines: ControlLines, world: World) -> KnownPoints:
     coordinates = lines.coordinates.reshape(-1, 3).copy()
     origin = 0.0 if lines.kind == "local" or world.origin is None else world.origin[2]
     coordinates[np.isnan(coordinates[:, 2]), 2] = origin
-    return KnownPoints(
+    return observations.KnownPoints(
         label=tuple(name for name in lines.name for _ in range(2)),
         kind=lines.kind,
         coordinates=coordinates,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.calibration import reliability
 from uavgram.estimation.calibration.adjustment import (
     Fit,
     HeldOut,
@@ -27,30 +28,9 @@ from uavgram.estimation.calibration.projection import (
     compute_projection_covariance,
     compute_worst_sigma,
 )
-from uavgram.estimation.calibration.reliability import (
-    MAX_RELATIVE_RESIDUAL,
-    CleanedFit,
-    PhotoEffect,
-    compute_corner_tests,
-    compute_photo_tests,
-    drop_unweighted,
-    estimate_common_error,
-    estimate_photo_effect,
-)
 from uavgram.geometry.motion.rotation import hat
+from uavgram.model import board
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.board import (
-    BoardObservations,
-    BoardPhoto,
-    CalibrationOptions,
-    CalibrationResult,
-    CornerResults,
-    ImageMaps,
-    LengthUncertainty,
-    LensEffect,
-    PhotoResults,
-    Status,
-)
 from uavgram.model.camera import Calibration
 from uavgram.model.frames import Poses
 from uavgram.model.message import Message
@@ -68,8 +48,8 @@ SAME_PX = 1e-6
 
 
 def usable_photos(
-    observations: BoardObservations,
-) -> tuple[BoardObservations, tuple[tuple[BoardPhoto, str], ...]]:
+    observations: board.BoardObservations,
+) -> tuple[board.BoardObservations, tuple[tuple[board.BoardPhoto, str], ...]]:
     """Leave out photos without information, with the reason for each.
 
     Raises
@@ -77,8 +57,8 @@ def usable_photos(
     GeometryError
         Too few are left.
     """
-    kept: list[BoardPhoto] = []
-    left_out: list[tuple[BoardPhoto, str]] = []
+    kept: list[board.BoardPhoto] = []
+    left_out: list[tuple[board.BoardPhoto, str]] = []
     for photo in observations.photos:
         twin = next((other for other in kept if _is_same(photo, other)), None)
         if len(photo.corner) < FEWEST_CORNERS:
@@ -96,16 +76,16 @@ def usable_photos(
             f"{len(kept)} usable photo(s) of the board do not determine a camera: take at least "
             f"{FEWEST_PHOTOS}, better 15, with the board tilted in different directions{reasons}"
         )
-    return BoardObservations(board=observations.board, photos=tuple(kept)), tuple(left_out)
+    return board.BoardObservations(board=observations.board, photos=tuple(kept)), tuple(left_out)
 
 
-def _in_line(photo: BoardPhoto, observations: BoardObservations) -> bool:
+def _in_line(photo: board.BoardPhoto, observations: board.BoardObservations) -> bool:
     place = observations.board.corner_board_m[photo.corner, :2]
     spread = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
     return bool(spread[-1] < 0.1 * observations.board.square_m)
 
 
-def _is_same(first: BoardPhoto, second: BoardPhoto) -> bool:
+def _is_same(first: board.BoardPhoto, second: board.BoardPhoto) -> bool:
     return bool(
         np.array_equal(first.corner, second.corner)
         and np.abs(first.pixel_px - second.pixel_px).max(initial=0.0) < SAME_PX
@@ -116,7 +96,7 @@ PHOTO_FACTOR_SIGNIFICANCE = 0.01
 """Significance level of the test whether photos disagree more than their corners' noise
 explains."""
 
-LeftOut = tuple[tuple[BoardPhoto, str], ...]
+LeftOut = tuple[tuple[board.BoardPhoto, str], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +121,13 @@ class AssessedCalibration:
         Disagreement between photos.
     """
 
-    observations: BoardObservations
-    options: CalibrationOptions
+    observations: board.BoardObservations
+    options: board.CalibrationOptions
     first: Corners
-    snooped: CleanedFit
+    snooped: reliability.CleanedFit
     fit: Fit
     held: HeldOut
-    effect: PhotoEffect
+    effect: reliability.PhotoEffect
 
     @property
     def removed(self) -> Bools:
@@ -193,10 +173,10 @@ class AssessedCalibration:
 
 
 def judge(
-    observations: BoardObservations,
-    options: CalibrationOptions,
+    observations: board.BoardObservations,
+    options: board.CalibrationOptions,
     first: Corners,
-    snooped: CleanedFit,
+    snooped: reliability.CleanedFit,
 ) -> AssessedCalibration:
     """Test photos, and predict each from the others.
 
@@ -212,10 +192,12 @@ def judge(
         Adjustment and outliers.
     """
     empty = snooped.fit.corners.count == 0
-    fit = drop_unweighted(snooped.fit, empty)
+    fit = reliability.drop_unweighted(snooped.fit, empty)
     # The weights are scaled: the variance factor is 1 unless the sigmas were given.
     variance = fit.corner_cost / max(fit.corner_redundancy, 1.0)
-    effect = estimate_photo_effect(fit, compute_photo_tests(fit, options.corner_sigma), variance)
+    effect = reliability.estimate_photo_effect(
+        fit, reliability.compute_photo_tests(fit, options.corner_sigma), variance
+    )
     return AssessedCalibration(
         observations, options, first, snooped, fit, cross_validate(fit), effect
     )
@@ -225,21 +207,23 @@ POSES_DEG = (0.0, 45.0)
 """Angles of the optical axis from straight down: a map, and an oblique overview."""
 
 
-def find_unexplained_error(result: CalibrationResult) -> float:
+def find_unexplained_error(result: board.CalibrationResult) -> float:
     """Estimate the common error of fitting corners beside their own noise, per coordinate [px]."""
     corners, quality = result.corners, result.quality
     fits = np.array([status == "used" for status in corners.status])
     fits &= np.array([status == "used" for status in result.photos.status])[corners.photo]
     removed = np.array([status == "removed" for status in corners.status])
     share = fits.sum() / max((~removed).sum(), 1)
-    return estimate_common_error(
+    return reliability.estimate_common_error(
         corners.residual_px[fits],
         corners.sigma_px[fits] / quality.sigma_scale,
         float(share * quality.degrees_of_freedom),
     )
 
 
-def add_common_error(observations: BoardObservations, error_px: float) -> BoardObservations:
+def add_common_error(
+    observations: board.BoardObservations, error_px: float
+) -> board.BoardObservations:
     """Add a common error to the sigma of each corner, in quadrature."""
     photos = tuple(
         replace(photo, sigma_px=np.hypot(photo.sigma_px, error_px)) for photo in observations.photos
@@ -261,16 +245,16 @@ def common_error_message(error_px: float) -> tuple[Message, ...]:
     return (Message("info", "corner-common-error", text),)
 
 
-def describe_lens_effects(result: CalibrationResult) -> tuple[LensEffect, ...]:
+def describe_lens_effects(result: board.CalibrationResult) -> tuple[board.LensEffect, ...]:
     """Compute the effects of the camera's errors on lengths on the ground, at `POSES_DEG`."""
     effects = []
     for tilt in POSES_DEG:
-        lengths: LengthUncertainty | None
+        lengths: board.LengthUncertainty | None
         try:
             lengths = compute_length_sigmas(result.calibration, tilt_rad=float(np.radians(tilt)))
         except GeometryError:  # a narrow lens may look over the horizon
             lengths = None
-        effects.append(LensEffect(tilt_deg=tilt, lengths=lengths))
+        effects.append(board.LensEffect(tilt_deg=tilt, lengths=lengths))
     return tuple(effects)
 
 
@@ -298,19 +282,19 @@ def _everything(judged: AssessedCalibration) -> _Everything:
     return _Everything(found, state, linear)
 
 
-def corner_results(judged: AssessedCalibration) -> CornerResults:
+def corner_results(judged: AssessedCalibration) -> board.CornerResults:
     """Return every corner of every usable photo, with its test."""
     everything = _everything(judged)
     there = judged.first.weight > 0
     photos, slots = np.nonzero(there)
-    tests = compute_corner_tests(judged.snooped.fit, judged.options.corner_sigma)
+    tests = reliability.compute_corner_tests(judged.snooped.fit, judged.options.corner_sigma)
     weight = everything.corners.weight[there]
     residual = everything.linear.residual.reshape(*there.shape, 2)[there] / weight[:, None]
     status = np.full(there.shape, "used", dtype=object)
     status[judged.snooped.bad_corner] = "suspect"
     status[judged.removed_corner | judged.removed[:, None]] = "removed"
-    kept: list[Status] = status[there].tolist()
-    return CornerResults(
+    kept: list[board.Status] = status[there].tolist()
+    return board.CornerResults(
         photo=photos,
         corner=np.concatenate([photo.corner for photo in judged.observations.photos]),
         pixel_px=judged.first.pixel_px[there],
@@ -322,7 +306,7 @@ def corner_results(judged: AssessedCalibration) -> CornerResults:
     )
 
 
-def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> PhotoResults:
+def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> board.PhotoResults:
     """Return every usable photo with its pose; then unusable ones, by name and reason."""
     everything = _everything(judged)
     count = judged.first.count
@@ -335,7 +319,7 @@ def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> PhotoResult
     held[~judged.removed] = np.sqrt(judged.held.by_photo) * judged.sigma_px
     files = tuple(photo.file for photo in judged.observations.photos)
     status, reason = _verdicts(judged)
-    return PhotoResults(
+    return board.PhotoResults(
         file=files,
         poses=_poses(judged, everything, files),
         rms_px=np.sqrt(squares / count),
@@ -347,11 +331,11 @@ def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> PhotoResult
     )
 
 
-def _verdicts(judged: AssessedCalibration) -> tuple[tuple[Status, ...], tuple[str, ...]]:
+def _verdicts(judged: AssessedCalibration) -> tuple[tuple[board.Status, ...], tuple[str, ...]]:
     size = judged.snooped.bad_photo_size
     bad = judged.snooped.bad_photo
     gone = judged.snooped.bad_corner.sum(axis=1)
-    status: list[Status] = []
+    status: list[board.Status] = []
     reason = []
     for i in range(len(bad)):
         if not bad[i]:
@@ -359,7 +343,7 @@ def _verdicts(judged: AssessedCalibration) -> tuple[tuple[Status, ...], tuple[st
             reason.append("")
             continue
         status.append("removed" if judged.removed[i] else "suspect")
-        if size[i] > MAX_RELATIVE_RESIDUAL:
+        if size[i] > reliability.MAX_RELATIVE_RESIDUAL:
             reason.append(f"its corners are {size[i]:.1f} times as far off as in the median photo")
         else:
             reason.append(f"{gone[i]} of its corners do not fit")
@@ -404,14 +388,14 @@ def _used_weight(judged: AssessedCalibration, everything: _Everything) -> Floats
     return np.where(out, 0.0, everything.corners.weight)
 
 
-def image_maps(judged: AssessedCalibration, camera: Calibration) -> ImageMaps:
+def image_maps(judged: AssessedCalibration, camera: Calibration) -> board.ImageMaps:
     """Compute corners, mean residuals and projection uncertainty by cell of the image."""
     columns, rows = CELL_COUNTS
     found = map_residuals(judged.fit, judged.size_px, CELL_COUNTS)
     size = np.array(judged.size_px)
     u, v = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
     cell = np.stack([u, v], axis=-1) / CELL_COUNTS * size - 0.5
-    return ImageMaps(
+    return board.ImageMaps(
         cell_px=cell,
         corners=found.corners,
         residual_px=found.mean_px,

@@ -41,15 +41,7 @@ from uavgram.model.board import (
 from uavgram.model.camera import LensModel
 from uavgram.model.message import Message
 from uavgram.model.naming import join_names
-from uavgram.stages.calibrate.assessment import (
-    PHOTO_FACTOR_SIGNIFICANCE,
-    AssessedCalibration,
-    corner_results,
-    image_maps,
-    judge,
-    photo_results,
-    usable_photos,
-)
+from uavgram.stages.calibrate import assessment
 from uavgram.stages.calibrate.remarks import remarks, shows_rolling_shutter
 
 MODELS: dict[LensModel, tuple[int, ...]] = {"brown": (3, 5, 8), "fisheye": (4,)}
@@ -180,7 +172,7 @@ LARGEST_COST = 0.01
 
 def choose_and_estimate(
     observations: BoardObservations, options: CalibrationOptions, corners: Corners
-) -> tuple[AssessedCalibration, tuple[ModelScore, ...]]:
+) -> tuple[assessment.AssessedCalibration, tuple[ModelScore, ...]]:
     """Estimate with the best number of coefficients that the photos determine.
 
     Parameters
@@ -203,13 +195,13 @@ def choose_and_estimate(
     clean = cleaned.fit.corners.take(kept)
     sigma_px = float(np.sqrt(np.mean(clean.weight[clean.weight > 0] ** -2.0)))
     found = candidates(options, clean, cleaned.fit.state.take(kept))
-    estimated: dict[int, AssessedCalibration] = {}
+    estimated: dict[int, assessment.AssessedCalibration] = {}
     best = choose(found)
     while best is not None:
         own = replace(options, coefficients=best.coefficients)
         start = extended(cleaned.fit.state, own, corners)
         try:
-            judged = judge(
+            judged = assessment.judge(
                 observations, own, corners, remove_outliers(make_lens(own), corners, start, own)
             )
             estimated[own.coefficients], why = judged, _explain_rejection(judged)
@@ -244,7 +236,7 @@ def _remove_outliers(
     return clean(last)
 
 
-def _explain_rejection(judged: AssessedCalibration) -> str:
+def _explain_rejection(judged: assessment.AssessedCalibration) -> str:
     """Return the reason against a lens that fits; empty without one."""
     if not judged.fit.converged:
         return "its adjustment did not converge"
@@ -303,7 +295,7 @@ BENT_SHARE = 0.03
 MOST_NAMES = 20
 
 
-def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
+def refuse_two_cameras(judged: assessment.AssessedCalibration) -> tuple[Message, ...]:
     """Warn of photos of two cameras where these are likely.
 
     Photos of one camera disagree too, where the board is bent, the camera moved or the lens is not
@@ -316,7 +308,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
     GeometryError
         Two cameras are certain: a common result describes neither.
     """
-    if judged.effect.probability > PHOTO_FACTOR_SIGNIFICANCE:
+    if judged.effect.probability > assessment.PHOTO_FACTOR_SIGNIFICANCE:
         return ()
     try:
         fit = _adjust_bow(judged)
@@ -350,7 +342,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
     )
 
 
-def _adjust_bow(judged: AssessedCalibration) -> Fit:
+def _adjust_bow(judged: assessment.AssessedCalibration) -> Fit:
     """Adjust with a free bow of the board."""
     if judged.options.bow == "paraboloid":
         return judged.fit
@@ -362,7 +354,7 @@ def _adjust_bow(judged: AssessedCalibration) -> Fit:
     return adjust(make_lens(options), corners, extended(judged.fit.state, options, corners))
 
 
-def _in_fit(judged: AssessedCalibration) -> Bools:
+def _in_fit(judged: assessment.AssessedCalibration) -> Bools:
     """Mark the usable photos (M,) in the adjustment."""
     return np.asarray(judged.snooped.fit.corners.count > 0)
 
@@ -383,7 +375,7 @@ def _alone(fit: Fit, photos: Bools) -> Fit:
     return adjust(lens, corners, start)
 
 
-def _words(judged: AssessedCalibration, split: Split, cameras: list[Floats]) -> str:
+def _words(judged: assessment.AssessedCalibration, split: Split, cameras: list[Floats]) -> str:
     files = [photo.file for photo in np.array(judged.observations.photos)[_in_fit(judged)]]
     first, second = (_names(files, split.group == k) for k in (0, 1))
     one, other = cameras
@@ -422,7 +414,7 @@ def calibrate(
         The photos do not determine the camera, and the message names the missing ones; or they are
         of two cameras, and it names the photos of each.
     """
-    observations, left_out = usable_photos(observations)
+    observations, left_out = assessment.usable_photos(observations)
     corners = pad(observations, options.bow)
     judged, models = _estimate(observations, options, corners)
     about_cameras = refuse_two_cameras(judged)
@@ -438,11 +430,11 @@ def calibrate(
         board=observations.board,
         bow_m=judged.fit.state.bow_m,
         bow_covariance_m2=judged.fit.parameter_covariance(judged.factor)[p:, p:],
-        corners=corner_results(judged),
-        photos=photo_results(judged, left_out),
+        corners=assessment.corner_results(judged),
+        photos=assessment.photo_results(judged, left_out),
         quality=_quality(judged),
         models=models,
-        maps=image_maps(judged, camera),
+        maps=assessment.image_maps(judged, camera),
         messages=(),
     )
     return replace(result, messages=(*about_cameras, *remarks(judged, result)))
@@ -450,20 +442,20 @@ def calibrate(
 
 def _estimate(
     observations: BoardObservations, options: CalibrationOptions, corners: Corners
-) -> tuple[AssessedCalibration, tuple[ModelScore, ...]]:
+) -> tuple[assessment.AssessedCalibration, tuple[ModelScore, ...]]:
     """Adjust with the requested number of coefficients, or with the best one."""
     if not options.coefficients:
         return choose_and_estimate(observations, options, corners)
     photo = observations.photos[0]
     start = start_staged(options, corners, (photo.width_px, photo.height_px))
-    judged = judge(
+    judged = assessment.judge(
         observations, options, corners, remove_outliers(make_lens(options), corners, start, options)
     )
     own = Candidate(options.coefficients, judged.fit, judged.held)
     return judged, (own.score(judged.sigma_px, is_chosen=True),)
 
 
-def _quality(judged: AssessedCalibration) -> CalibrationQuality:
+def _quality(judged: assessment.AssessedCalibration) -> CalibrationQuality:
     fit, held = judged.fit, judged.held.factor
     redundancy = max(fit.corner_redundancy, 1.0)
     squares = fit.corner_cost * judged.snooped.sigma_scale**2

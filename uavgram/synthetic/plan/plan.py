@@ -33,19 +33,7 @@ from uavgram.pipeline.parallel import Progress, silent
 from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.products.planned_layers import flight_mission, plan_layers
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
-from uavgram.synthetic.plan.accuracy import (
-    Choice,
-    choose_flight,
-    compute_gain,
-    compute_mean_sigma,
-    get_criterion_name,
-    list_ends,
-    list_gains,
-    list_planned_lines,
-    list_planned_measurements,
-    list_planned_plates,
-    map_accuracy,
-)
+from uavgram.synthetic.plan import accuracy
 from uavgram.synthetic.plan.flights import compute_footprints, find_covering_flights
 from uavgram.synthetic.plan.scene import Asked, PlanScene, list_wanted, read_scene
 from uavgram.synthetic.plan.survey import predict_values
@@ -195,9 +183,9 @@ def make_plan(scenario: Scenario, asked: Asked, progress: Progress = silent) -> 
     scene, request = asked.scene, asked.request
     wanted = list_wanted(scene)
     flown = find_covering_flights(scene, request, wanted)
-    choice = choose_flight(scene, request, wanted, flown, progress)
+    choice = accuracy.choose_flight(scene, request, wanted, flown, progress)
     layout = choice.robust_layout if request.robust else choice.layout
-    ends = list_ends(choice.possible, layout.lines)
+    ends = accuracy.list_ends(choice.possible, layout.lines)
     try:
         found = predict_values(scene, choice.flight.cameras, wanted, ends)
     except SingularError as fault:
@@ -205,10 +193,10 @@ def make_plan(scenario: Scenario, asked: Asked, progress: Progress = silent) -> 
             f"with {len(ends)} reference {choice.laid} the positions of the photos are not "
             "determined: allow more (lines), or fly with a log (`telemetry`)"
         ) from fault
-    lines = list_planned_lines(scene, choice, layout.lines, found)
-    plates = list_planned_plates(scene, choice, layout.lines)
+    lines = accuracy.list_planned_lines(scene, choice, layout.lines, found)
+    plates = accuracy.list_planned_plates(scene, choice, layout.lines)
     shown = scene.requests
-    measured = list_planned_measurements(request, wanted, found)
+    measured = accuracy.list_planned_measurements(request, wanted, found)
     return FlightPlanned(
         name=scenario.name,
         site=PlannedSite(
@@ -237,16 +225,16 @@ def make_plan(scenario: Scenario, asked: Asked, progress: Progress = silent) -> 
         plates=plates,
         points=PlannedPoints(label=scene.label, world_m=scene.on_ground(scene.point_m)),
         measurements=measured if shown else _nothing(),
-        grid=map_accuracy(scene, choice, layout.lines),
-        mean_sigma=compute_mean_sigma(found),
-        chosen_by=get_criterion_name(choice.possible),
-        gains=tuple(list_gains(scene, request, wanted, choice, layout.lines)),
+        grid=accuracy.map_accuracy(scene, choice, layout.lines),
+        mean_sigma=accuracy.compute_mean_sigma(found),
+        chosen_by=accuracy.get_criterion_name(choice.possible),
+        gains=tuple(accuracy.list_gains(scene, request, wanted, choice, layout.lines)),
         messages=(
             *((make_no_site_message(),) if has_no_site(asked) else ()),
             *list_remarks(
                 (lines, plates),
                 measured,
-                compute_gain(choice.possible, layout.lines),
+                accuracy.compute_gain(choice.possible, layout.lines),
                 len(choice.flight.cameras.center_m),
             ),
         ),
@@ -260,7 +248,7 @@ def has_no_site(asked: Asked) -> bool:
     return not named and not isinstance(asked.request.area, str)
 
 
-def _facts(asked: Asked, choice: Choice) -> FlightFacts:
+def _facts(asked: Asked, choice: accuracy.Choice) -> FlightFacts:
     flown, request = choice.flight, asked.request
     slant = flown.height_m / max(np.sin(np.deg2rad(-flown.pitch_deg)), 0.1)
     return FlightFacts(
@@ -277,7 +265,7 @@ def _facts(asked: Asked, choice: Choice) -> FlightFacts:
     )
 
 
-def _frames(scene: PlanScene, choice: Choice) -> PlannedFrames:
+def _frames(scene: PlanScene, choice: accuracy.Choice) -> PlannedFrames:
     cameras = choice.flight.cameras
     whole, certain = compute_footprints(scene, cameras)
     ground = scene.on_ground(cameras.center_m[:, :2])[:, 2]

@@ -28,21 +28,12 @@ from uavgram.model.options import SolveOptions
 from uavgram.stages.assemble import assemble
 from uavgram.stages.plates import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, make_scale_prior
 from uavgram.stages.seed.poses import seed
+from uavgram.synthetic.plan import layouts
 from uavgram.synthetic.plan.flights import (
     PlannedCameras,
     VisiblePoints,
     find_visible,
     remove_small_plates,
-)
-from uavgram.synthetic.plan.layouts import (
-    Candidates,
-    Functions,
-    Objective,
-    add_greedily,
-    combine_functions,
-    eliminate_points,
-    invert,
-    whiten_readings,
 )
 from uavgram.synthetic.plan.scene import (
     MAX_SPOTS,
@@ -417,8 +408,8 @@ class PossibleReferences:
         (M,) of the wanted values, and the required sigma; NaN where none was given.
     """
 
-    aim: Objective
-    candidates: Candidates
+    aim: layouts.Objective
+    candidates: layouts.Candidates
     spot_m: Floats
     kind: tuple[str, ...]
     unit: tuple[str, ...]
@@ -473,13 +464,13 @@ def compute_possible(
     blocks = planned.blocks()
     tapes = blocks.pop("lengths")
     weak = make_weak_priors(problem)
-    points = eliminate_points(problem, blocks | {"hardly known": weak})
+    points = layouts.eliminate_points(problem, blocks | {"hardly known": weak})
     values = propagate(planned.adjust(blocks, weakly=True), wanted.requests, planned.frames)
     if values.why_not:
         raise GeometryError(": ".join(values.why_not[0]))
-    asked = combine_functions(points, layout, values.gradient.toarray())
+    asked = layouts.combine_functions(points, layout, values.gradient.toarray())
     others = np.array([sum(part**2 for part in row.others.values()) for row in values.rows])
-    asked = Functions(asked.gradient, asked.variance + others)
+    asked = layouts.Functions(asked.gradient, asked.variance + others)
     # rows of the possible ends that are visible in a photo
     row_of = np.full(len(world), -1)
     row_of[planned.mark] = np.arange(len(planned.mark))
@@ -488,16 +479,16 @@ def compute_possible(
     renumbered[used] = np.arange(len(used))
     wanted_rows = row_of[:count]
     by_group = (len(groups), len(known), -1)
-    whitened = whiten_readings(
+    whitened = layouts.whiten_readings(
         points,
         layout,
         tapes.columns.reshape(by_group),
         tapes.jacobian.reshape(by_group),
         row_of[count:][groups],
     )
-    candidates = Candidates(whitened, renumbered[groups], points.root[row_of[count:][used]])
+    candidates = layouts.Candidates(whitened, renumbered[groups], points.root[row_of[count:][used]])
     information = points.base + points.information(wanted_rows)
-    aim = Objective(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
+    aim = layouts.Objective(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
     enough = _list_required(values.rows, wanted, good_enough)
     kind = tuple(row.request.kind for row in values.rows)
     aim = replace(aim, weight=_weights(aim, candidates, (kind, values.unit), enough))
@@ -572,8 +563,8 @@ def _list_required(
 
 
 def _weights(
-    aim: Objective,
-    candidates: Candidates,
+    aim: layouts.Objective,
+    candidates: layouts.Candidates,
     kind_unit: tuple[tuple[str, ...], tuple[str, ...]],
     enough: Floats,
 ) -> Floats:
@@ -586,9 +577,9 @@ def _weights(
     lengths = equal > 0
     if lengths.all() and np.isnan(enough).all():
         return aim.weight
-    steps = add_greedily(aim, candidates, FIRST_LINE_COUNT)
+    steps = layouts.add_greedily(aim, candidates, FIRST_LINE_COUNT)
     lines = steps[-1].lines if steps else ()
-    sigma = aim.sigma(invert(aim.information + candidates.information(lines)))
+    sigma = aim.sigma(layouts.invert(aim.information + candidates.information(lines)))
     usual = float(sigma @ equal)
     stated = ~np.isnan(enough)
     size = np.where(stated, enough, np.where(lengths, usual, sigma))

@@ -20,16 +20,7 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.board import CalibrationAccount, CalibrationResult
-from uavgram.views.calibration.drawings import (
-    SQRT2,
-    WIDTH,
-    coverage_map,
-    mean_residual_factor,
-    residual_factor,
-    residual_map,
-    rows_by_photo,
-    uncertainty_map,
-)
+from uavgram.views.calibration import drawings
 from uavgram.views.calibration.verdict import (
     calibration_facts,
     judge_calibration,
@@ -114,8 +105,11 @@ def photo_sheet(result: CalibrationResult, k: int) -> str:
     distance = float(np.linalg.norm(photos.poses.center_world_m[k]))
     facts: list[Cells] = [
         ("status", Cell(photos.status[k], photos.reason[k], look="value")),
-        ("corners", f"{len(rows_by_photo(result)[file])} of {len(result.board.corner_board_m)}"),
-        ("residual per coordinate", f"{pixels_text(photos.rms_px[k] / SQRT2)} px"),
+        (
+            "corners",
+            f"{len(drawings.rows_by_photo(result)[file])} of {len(result.board.corner_board_m)}",
+        ),
+        ("residual per coordinate", f"{pixels_text(photos.rms_px[k] / drawings.SQRT2)} px"),
         ("when left out", f"{pixels_text(photos.held_out_px[k])} px"),
         ("tilt", f"{photos.tilt_deg[k]:.1f}°"),
         ("distance of the board's first corner", f"{distance:.3f} m"),
@@ -135,9 +129,9 @@ MAP_DPI = 72.0
 def log_image_maps(recorder: Recorder, result: CalibrationResult) -> None:
     """Log the three maps of the report as pictures."""
     for path, figure in (
-        (COVERAGE, coverage_map(result)),
-        (RESIDUALS, residual_map(result)),
-        (UNCERTAINTY, uncertainty_map(result)),
+        (COVERAGE, drawings.coverage_map(result)),
+        (RESIDUALS, drawings.residual_map(result)),
+        (UNCERTAINTY, drawings.uncertainty_map(result)),
     ):
         canvas = FigureCanvasAgg(draw_figure(figure.drawing))
         canvas.figure.set_dpi(MAP_DPI)
@@ -284,7 +278,7 @@ def log_photo_plots(recorder: Recorder, result: CalibrationResult) -> None:
     photos = result.photos
     noise = np.full(len(photos.file), result.quality.sigma_px)
     for path, values, name, colour in (
-        (f"{RESIDUAL}/adjusted", photos.rms_px / SQRT2, "residual [px]", REFINED),
+        (f"{RESIDUAL}/adjusted", photos.rms_px / drawings.SQRT2, "residual [px]", REFINED),
         (f"{RESIDUAL}/left_out", photos.held_out_px, "when left out [px]", SEED),
         (f"{RESIDUAL}/sigma_of_corners", noise, "σ of a corner [px]", OBSERVED),
         (f"{TILT}/tilt", photos.tilt_deg, "tilt [°]", REFINED),
@@ -340,9 +334,9 @@ def _pictures(
 
 def _overlay(recorder: Recorder, result: CalibrationResult) -> None:
     corners = result.corners
-    rows = list(rows_by_photo(result).values())
+    rows = list(drawings.rows_by_photo(result).values())
     odd: Bools = np.array([status != "used" for status in corners.status], dtype=np.bool_)
-    tip = corners.pixel_px + residual_factor(result) * corners.residual_px
+    tip = corners.pixel_px + drawings.residual_factor(result) * corners.residual_px
     arrows = np.stack([corners.pixel_px, tip], axis=1)
     for name, mask, colour in (
         ("residual_exaggerated", ~odd, SEED),
@@ -376,7 +370,7 @@ def calibration_blueprint(account: CalibrationAccount, room: SceneExtent) -> rrb
             _map(
                 result,
                 RESIDUALS,
-                f"Misses of corners (×{mean_residual_factor(result)}): mean blue, odd red",
+                f"Misses of corners (×{drawings.mean_residual_factor(result)}): mean blue, odd red",
             ),
         ),
         row_shares=[2.1, 1.0],
@@ -425,14 +419,14 @@ def _view(
 def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView:
     """Show one of the maps, which have the shape of the photos."""
     camera = result.calibration
-    width = MAP_DPI / 25.4 * WIDTH
+    width = MAP_DPI / 25.4 * drawings.WIDTH
     return picture_view(
         f"/{origin}", name, (0.0, width), (0.0, width * camera.height_px / camera.width_px)
     )
 
 
 def _photo(result: CalibrationResult) -> rrb.Spatial2DView:
-    factor = residual_factor(result)
+    factor = drawings.residual_factor(result)
     name = f"Photo: corners green, their misses ×{factor} orange, odd ones red"
     width, height = result.calibration.width_px, result.calibration.height_px
     edge = MARGIN * width  # so that the edges of the photo are seen
@@ -441,7 +435,7 @@ def _photo(result: CalibrationResult) -> rrb.Spatial2DView:
 
 def _plots(result: CalibrationResult) -> list[rrb.TimeSeriesView]:
     photos = result.photos
-    residuals = np.concatenate([photos.rms_px / SQRT2, photos.held_out_px])
+    residuals = np.concatenate([photos.rms_px / drawings.SQRT2, photos.held_out_px])
     return [
         plot(f"/{RESIDUAL}", "Residual blue, left out orange, σ white [px]", residuals),
         plot(f"/{TILT}", "Tilt [°]", photos.tilt_deg),

@@ -15,15 +15,7 @@ from uavgram.imaging.photos.preview import shrink_jpeg
 from uavgram.model.arrays import Floats
 from uavgram.model.board import Board, CalibrationAccount, CalibrationResult, LensEffect
 from uavgram.model.camera import Calibration, CameraProvenance
-from uavgram.views.calibration.drawings import (
-    SQRT2,
-    coverage_map,
-    length_map,
-    residual_map,
-    rows_by_photo,
-    tilt_dial,
-    uncertainty_map,
-)
+from uavgram.views.calibration import drawings
 from uavgram.views.calibration.verdict import (
     calibration_facts,
     judge_calibration,
@@ -226,7 +218,7 @@ def photo_table(result: CalibrationResult, pictures: Mapping[str, str] = NO_PICT
     pictures
         Addresses of small pictures by file.
     """
-    photos, rows, table = result.photos, rows_by_photo(result), []
+    photos, rows, table = result.photos, drawings.rows_by_photo(result), []
     for k in np.argsort(-photos.rms_px, kind="stable").tolist():
         file = photos.file[k]
         status = [result.corners.status[i] for i in rows[file]]
@@ -234,7 +226,7 @@ def photo_table(result: CalibrationResult, pictures: Mapping[str, str] = NO_PICT
         cells = (
             Cell(file, picture=pictures.get(file, "")),
             f"{len(status)}" + (f", {odd} odd" if odd else ""),
-            pixels_text(photos.rms_px[k] / SQRT2),
+            pixels_text(photos.rms_px[k] / drawings.SQRT2),
             pixels_text(photos.held_out_px[k]),
             f"{photos.tilt_deg[k]:.0f}°",
             f"{float(np.linalg.norm(photos.poses.center_world_m[k])):.2f} m",
@@ -284,12 +276,12 @@ def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str
         fit=_fit(account),
         custody=_custody(account),
         options=_options(account),
-        coverage=coverage_map(result),
-        residuals=residual_map(result),
-        uncertainty=uncertainty_map(result),
-        dial=tilt_dial(result),
+        coverage=drawings.coverage_map(result),
+        residuals=drawings.residual_map(result),
+        uncertainty=drawings.uncertainty_map(result),
+        dial=drawings.tilt_dial(result),
         lengths=_lengths(account.effects),
-        views=[(effect, length_map(result, effect, shown)) for effect in account.effects],
+        views=[(effect, drawings.length_map(result, effect, shown)) for effect in account.effects],
         photos=photo_table(result, small),
         left_out=make_table(
             "photo | why",
@@ -415,7 +407,7 @@ def _options(account: CalibrationAccount) -> list[tuple[str, object]]:
 
 def _best_photo(result: CalibrationResult, pictures: Mapping[str, str]) -> str:
     """Choose the photo with the most corners as background."""
-    counts = {file: len(rows) for file, rows in rows_by_photo(result).items()}
+    counts = {file: len(rows) for file, rows in drawings.rows_by_photo(result).items()}
     known = [file for file in result.photos.file if file in pictures]
     return pictures[max(known, key=lambda file: counts[file])] if known else ""
 

@@ -8,29 +8,11 @@ from PIL import Image, ImageDraw, ImageFont
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
+from uavgram.views import style
 from uavgram.views.formatting import size_text
 from uavgram.views.recording.points import has_outlines, sigma_shares
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import (
-    ABOVE,
-    BAD,
-    BELOW,
-    FOUND,
-    FRAME_COLOURS,
-    HEIGHT_COLOURS,
-    LEVEL_COLOURS,
-    MEASURED,
-    OBSERVED,
-    QUIET,
-    REFERENCE,
-    REFINED,
-    SEED,
-    TIE,
-    WITHHELD,
-    Rgb,
-    scale_colours,
-)
 from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.verdict import STATUS_WORDS, summarise_result
 from uavgram.views.units import units_of
@@ -38,8 +20,8 @@ from uavgram.views.units import units_of
 LEGEND = "legend"
 # Twice the displayed size, for sharp letters; wider if the texts need it.
 WIDTH_PX, HEIGHT_PX = 2400, 160
-LEGEND_BACKGROUND: Rgb = (13, 16, 17)
-TEXT: Rgb = (225, 228, 232)
+LEGEND_BACKGROUND: style.Rgb = (13, 16, 17)
+TEXT: style.Rgb = (225, 228, 232)
 FONT_PX = 30
 BAND_PX = 44
 BAR_PX = 300
@@ -83,7 +65,7 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
         Whether the ground is brighter than in the photos.
     """
     legend = LegendPicture(HEIGHT_PX, ROWS_PX)
-    legend.band(summarise_result(result), LEVEL_COLOURS[result.verdict.level])
+    legend.band(summarise_result(result), style.LEVEL_COLOURS[result.verdict.level])
     for row, text, colour in _entries(result, scene):
         legend.swatch(row, text, colour)
     legend.align()
@@ -95,7 +77,7 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
             words = f"95 % ellipses, drawn {size}; half axis:"
         legend.write(0, words)
         first, last = (size_text(one, units_of(result)) for one in (low, high))
-        legend.scale(1, first, last, scale_colours(np.linspace(0, 1, BAR_PX)))
+        legend.scale(1, first, last, style.scale_colours(np.linspace(0, 1, BAR_PX)))
         legend.align()
     remarks = ["± is one sigma"]
     if brightened:
@@ -124,12 +106,12 @@ class LegendPicture:
         self._font = ImageFont.load_default(FONT_PX)
         self._tops, self._ends = rows_px, [20.0] * len(rows_px)
 
-    def band(self, text: str, colour: Rgb) -> None:
+    def band(self, text: str, colour: style.Rgb) -> None:
         """Write a text on a band of a colour above everything else."""
         self._pen.rectangle((0, 0, 2 * WIDTH_PX, BAND_PX), fill=colour)
         self._pen.text((20, 4), text, fill=(0, 0, 0), font=self._font)
 
-    def swatch(self, row: int, text: str, colour: Rgb) -> None:
+    def swatch(self, row: int, text: str, colour: style.Rgb) -> None:
         """Write the meaning of a colour.
 
         Parameters
@@ -187,9 +169,9 @@ class LegendPicture:
         return self._image.crop((0, 0, width, self._image.height))
 
 
-def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
+def _entries(result: Result, scene: Scene) -> list[tuple[int, str, style.Rgb]]:
     """Return row, text and colour of each swatch; only of objects that can be seen."""
-    on_lines = [(1, "line of known position", REFERENCE)] * bool(result.control_lines.name)
+    on_lines = [(1, "line of known position", style.REFERENCE)] * bool(result.control_lines.name)
     return [
         *_cameras_and_lines(result),
         *on_lines,
@@ -198,53 +180,56 @@ def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
     ]
 
 
-def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
+def _cameras_and_lines(result: Result) -> list[tuple[int, str, style.Rgb]]:
     status = set(result.lines.status)
-    entries: list[tuple[int, str, Rgb]] = []
+    entries: list[tuple[int, str, style.Rgb]] = []
     if result.has_seed.any():
-        entries.append((0, "camera, flight log", SEED))
+        entries.append((0, "camera, flight log", style.SEED))
     if result.has_refined.any():
-        entries.append((1, "camera, refined", REFINED))
+        entries.append((1, "camera, refined", style.REFINED))
     states = frame_states(result)
     for row, state, text in ((0, "rejected", "rejected"), (1, "check", "to check")):
         if state in states:
-            entries.append((row, f"camera, {text}", FRAME_COLOURS[state]))
+            entries.append((row, f"camera, {text}", style.FRAME_COLOURS[state]))
     if "used" in status:
-        entries.append((0, "known length", REFERENCE))
+        entries.append((0, "known length", style.REFERENCE))
     if status & {"suspect", "removed"}:
-        entries.append((0, "known length, suspect", BAD))
+        entries.append((0, "known length, suspect", style.BAD))
     if "checked" in status:
-        entries.append((1, "known length, withheld", WITHHELD))
+        entries.append((1, "known length, withheld", style.WITHHELD))
     measured = result.measurements
     found = {s for s, v in zip(measured.status, measured.value, strict=True) if np.isfinite(v)}
     if found & {"ok", "not-checked"}:
-        entries.append((1, "measured", MEASURED))
+        entries.append((1, "measured", style.MEASURED))
     doubts = [STATUS_WORDS[s] for s in ("doubtful", "contradicted") if s in found]
     if doubts:
-        entries.append((1, " or ".join(doubts), QUIET))
+        entries.append((1, " or ".join(doubts), style.QUIET))
     return entries
 
 
-def _heights(scene: Scene) -> list[tuple[int, str, Rgb]]:
-    entries: list[tuple[int, str, Rgb]] = []
+def _heights(scene: Scene) -> list[tuple[int, str, style.Rgb]]:
+    entries: list[tuple[int, str, style.Rgb]] = []
     if scene.uneven is not None:
         times = "" if scene.departure_factor == 1 else f", bars {scene.departure_factor} x as tall"
-        entries += [(0, "ground above its plane", ABOVE), (1, f"below it{times}", BELOW)]
+        entries += [
+            (0, "ground above its plane", style.ABOVE),
+            (1, f"below it{times}", style.BELOW),
+        ]
     sources = scene.off_ground.source if scene.off_ground else ()
-    for k, (source, colour) in enumerate(HEIGHT_COLOURS.items()):
+    for k, (source, colour) in enumerate(style.HEIGHT_COLOURS.items()):
         if source in sources:
             entries.append((k % 2, HEIGHT_WORDS[source], colour))
     return entries
 
 
-def _automatic_pick_entries(result: Result) -> list[tuple[int, str, Rgb]]:
+def _automatic_pick_entries(result: Result) -> list[tuple[int, str, style.Rgb]]:
     """Return swatches of automatic picks, and of manual ones if there are any automatic ones."""
-    entries: list[tuple[int, str, Rgb]] = []
+    entries: list[tuple[int, str, style.Rgb]] = []
     marks = [SOURCE_MARKS[s] for s in SOURCE_MARKS if s in result.picks.source]
     if marks:
-        entries += [(0, "picked by hand", OBSERVED), (1, " and ".join(marks), FOUND)]
+        entries += [(0, "picked by hand", style.OBSERVED), (1, " and ".join(marks), style.FOUND)]
     if result.ties is not None:
-        entries.append((0, "tie points", TIE))
+        entries.append((0, "tie points", style.TIE))
     return entries
 
 

@@ -11,18 +11,7 @@ import numpy as np
 
 from uavgram.model.naming import format_count
 from uavgram.model.result.result import Result
-from uavgram.views.formatting import (
-    FRAME_STATUS_WORDS,
-    LEVEL_RANK,
-    NOT_UNIQUE,
-    WHY_TO_NEIGHBOURS,
-    WHY_TWO_ELLIPSES,
-    axes_text,
-    describe_origin,
-    each_plus_minus,
-    order_computed_first,
-    order_worst_fit_first,
-)
+from uavgram.views import formatting
 from uavgram.views.pages import make_unit_variables, page_environment
 from uavgram.views.recording.curves import FrameCurves, PoseCurves
 from uavgram.views.recording.photo import FramePicks
@@ -64,10 +53,10 @@ def _page(name: str, result: Result, **shown: object) -> str:
         result=result,
         table=partial(result_table, result=result),
         **make_unit_variables(result),
-        not_unique=NOT_UNIQUE,
-        why_to_neighbours=WHY_TO_NEIGHBOURS,
-        why_two_ellipses=WHY_TWO_ELLIPSES,
-        measured=order_computed_first(result.measurements),
+        not_unique=formatting.NOT_UNIQUE,
+        why_to_neighbours=formatting.WHY_TO_NEIGHBOURS,
+        why_two_ellipses=formatting.WHY_TWO_ELLIPSES,
+        measured=formatting.order_computed_first(result.measurements),
         **shown,
     )
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n")
@@ -94,7 +83,7 @@ def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
         scene=scene,
         facts=key_facts(result),
         has_outlines=has_outlines(result),
-        place=describe_origin(result),
+        place=formatting.describe_origin(result),
         quoted=repr,
         found_any=has_automatic_picks(result),
         picks_made=picks_text(result),
@@ -110,7 +99,7 @@ def measured_page(result: Result) -> str:
 
 def lengths_page(result: Result) -> str:
     """Render the known lengths, the worst fit first, with the errors that the tests can detect."""
-    return _page("lengths", result, lengths=order_worst_fit_first(result.lines.w))
+    return _page("lengths", result, lengths=formatting.order_worst_fit_first(result.lines.w))
 
 
 def checks_page(result: Result) -> str:
@@ -148,7 +137,7 @@ def heights_page(result: Result, standing: OffGround) -> str:
         (
             points.label[row := int(standing.rows[i])],
             Cell(height_of(points, row), look="value"),
-            axes_text(standing.half_axes_m[i], source.units),
+            formatting.axes_text(standing.half_axes_m[i], source.units),
             source.length(points.position_world_m[row, 2]),
             str(len(points.frames[row])),
         )
@@ -160,7 +149,7 @@ def heights_page(result: Result, standing: OffGround) -> str:
 
 def messages_page(result: Result) -> str:
     """Render the messages of the run, the worst first."""
-    ordered = sorted(result.messages, key=lambda message: LEVEL_RANK[message.level])
+    ordered = sorted(result.messages, key=lambda message: formatting.LEVEL_RANK[message.level])
     return _page("messages", result, messages=ordered)
 
 
@@ -197,14 +186,14 @@ def frame_sheets(
             **shown,
             result=result,
             frames=frames,
-            frame_words=FRAME_STATUS_WORDS,
+            frame_words=formatting.FRAME_STATUS_WORDS,
             i=i,
             picks=rows,
             made=made,
             curves=curves,
             poses=poses,
             unit=unit,
-            place=each_plus_minus(unit.factor * center[i], unit.factor * sigma[i], 2),
+            place=formatting.each_plus_minus(unit.factor * center[i], unit.factor * sigma[i], 2),
             moved_m=moved[i],
             worst_label=result.picks.label[rows[np.argmax(w[rows])]] if len(rows) else "",
         )

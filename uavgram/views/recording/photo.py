@@ -24,6 +24,7 @@ from uavgram.stages.products.map_layers import (
     reference_strips,
 )
 from uavgram.stages.products.text_places import Placed
+from uavgram.views import style
 from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, order_worst_first
 from uavgram.views.recording.labels import (
     line_width,
@@ -34,31 +35,10 @@ from uavgram.views.recording.labels import (
 )
 from uavgram.views.recording.scene import CURRENT_FRUSTUM, Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import (
-    BAD,
-    FOUND,
-    HEIGHT_COLOURS,
-    LINE_COLOURS,
-    MEASURED_COLOURS,
-    OBSERVED,
-    QUIET,
-    REFINED,
-    SEED,
-    TIE,
-    Rgb,
-)
+from uavgram.views.survey import outlines
 from uavgram.views.survey.drawing import SIGNS, Sign
 from uavgram.views.survey.heights import OffGround
 from uavgram.views.survey.key_facts import frame_states
-from uavgram.views.survey.outlines import (
-    VisiblePolylines,
-    flight_order,
-    is_in_photo,
-    project_from,
-    project_polylines,
-    sample_polyline,
-    visible_runs,
-)
 from uavgram.views.survey.verdict import list_named_picks
 from uavgram.views.units import format_length, units_of
 
@@ -95,7 +75,7 @@ def project_picks(result: Result) -> FramePicks:
             (result.frames.refined, refined, True),
         ):
             if len(picks) and np.isfinite(poses.center_world_m[frame, 0]):
-                pixel[picks] = project_from(
+                pixel[picks] = outlines.project_from(
                     result,
                     RowPoses(
                         poses.center_world_m[frame],
@@ -246,7 +226,7 @@ def log_automatic_picks(
             ]
             for rows in picks.rows
         ]
-        recorder.lines_of_frames(f"{photo}/{FOUND_PICKS}/{name}", marks, FOUND, 1.5)
+        recorder.lines_of_frames(f"{photo}/{FOUND_PICKS}/{name}", marks, style.FOUND, 1.5)
 
 
 def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str) -> None:
@@ -267,7 +247,7 @@ def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str
     order = np.argsort(ties.frame, kind="stable")
     edges = np.searchsorted(ties.frame[order], np.arange(len(frames) + 1))
     dots = [ties.pixel_px[order[edges[i] : edges[i + 1]]] for i in frames]
-    recorder.dots_of_frames(f"{photo}/{SIGHTINGS}", dots, TIE, 1.2)
+    recorder.dots_of_frames(f"{photo}/{SIGHTINGS}", dots, style.TIE, 1.2)
 
 
 PhotoText = tuple[Floats, str]
@@ -323,8 +303,8 @@ def log_names(
         texts.append([wanted[k][1] for k in kept])
         far = [k for k in kept if np.isfinite(placed.leaders[k, 0, 0])]
         leaders.append([np.stack([placed.leaders[k, 0], hung[k]]) for k in far])
-    recorder.lines_of_frames(f"{photo}/{LEADERS}", leaders, OBSERVED, LEADER_WIDTH)
-    recorder.dots_of_frames(f"{photo}/labels", places, OBSERVED, 0.0, texts)
+    recorder.lines_of_frames(f"{photo}/{LEADERS}", leaders, style.OBSERVED, LEADER_WIDTH)
+    recorder.dots_of_frames(f"{photo}/labels", places, style.OBSERVED, 0.0, texts)
 
 
 def place_on_photo(result: Result, words: Sequence[PhotoText], picked_px: Floats) -> Placed:
@@ -383,7 +363,7 @@ OVERLAYS = (
     "known_lengths",
     "lines_of_known_position",
     "measured",
-    *(f"{HEIGHTS}/{source}" for source in HEIGHT_COLOURS),
+    *(f"{HEIGHTS}/{source}" for source in style.HEIGHT_COLOURS),
     "name",
     NEIGHBOURS,
 )
@@ -431,7 +411,7 @@ def _title(recorder: Recorder, result: Result, photo: str, brightened: Collectio
             zip(result.frames.frame_id, frame_states(result), strict=True)
         )
     ]
-    recorder.dots_of_frames(f"{photo}/name", [spot] * len(texts), OBSERVED, 0.0, texts)
+    recorder.dots_of_frames(f"{photo}/name", [spot] * len(texts), style.OBSERVED, 0.0, texts)
 
 
 def _residuals(
@@ -449,23 +429,29 @@ def _residuals(
         return [rows[mask[rows]] for rows in picks.rows]
 
     for name, rows, colour in (
-        ("residual_exaggerated", where(fitted & ~bad), REFINED),
-        ("residual_exaggerated_suspect", where(fitted & bad), BAD),
+        ("residual_exaggerated", where(fitted & ~bad), style.REFINED),
+        ("residual_exaggerated_suspect", where(fitted & bad), style.BAD),
     ):
         recorder.lines_of_frames(f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
     by_hand = result.picks.by_hand
     log_automatic_picks(recorder, result, picks, ~bad, photo)
     for name, at, rows, colour, size in (
-        ("from_flight_log", picks.seed_px, where(is_in_photo(result, picks.seed_px)), SEED, 3.0),
+        (
+            "from_flight_log",
+            picks.seed_px,
+            where(outlines.is_in_photo(result, picks.seed_px)),
+            style.SEED,
+            3.0,
+        ),
         (
             "from_refined",
             picks.refined_px,
-            where(is_in_photo(result, picks.refined_px)),
-            REFINED,
+            where(outlines.is_in_photo(result, picks.refined_px)),
+            style.REFINED,
             2.5,
         ),
-        ("picked", pixel, where(by_hand & ~bad), OBSERVED, 3.5),
-        ("picked_suspect", pixel, where(bad), BAD, 6.0),
+        ("picked", pixel, where(by_hand & ~bad), style.OBSERVED, 3.5),
+        ("picked_suspect", pixel, where(bad), style.BAD, 6.0),
     ):
         recorder.dots_of_frames(f"{photo}/{name}", [at[r] for r in rows], colour, size)
 
@@ -493,7 +479,7 @@ class _Shape:
     """
 
     entity: str
-    colour: Rgb
+    colour: style.Rgb
     samples_m: Floats
     text: str = ""
     ends: frozenset[str] = frozenset()
@@ -506,13 +492,13 @@ def _shapes(result: Result, scene: Scene) -> Iterator[_Shape]:
     """Yield known lengths, suspect first; lines; measurements, the least certain first; others."""
     known, measured = reference_strips(result), measured_strips(result)
     for row in sorted(known, key=lambda i: result.lines.status[i] not in ("suspect", "removed")):
-        status, samples = result.lines.status[row], sample_polyline(known[row])
+        status, samples = result.lines.status[row], outlines.sample_polyline(known[row])
         entity, text = f"known_lengths/{status}", reference_text(result, row)
-        yield _Shape(entity, LINE_COLOURS[status], samples, text)
+        yield _Shape(entity, style.LINE_COLOURS[status], samples, text)
     lines = result.control_lines
     for name, status, strip in zip(lines.name, lines.status, position_strips(result), strict=True):
         entity = f"lines_of_known_position/{status}"
-        yield _Shape(entity, LINE_COLOURS[status], sample_polyline(strip), name)
+        yield _Shape(entity, style.LINE_COLOURS[status], outlines.sample_polyline(strip), name)
     for row in map(int, order_worst_first(result.measurements)):
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
         standing = result.measurements.status[row]
@@ -520,8 +506,8 @@ def _shapes(result: Result, scene: Scene) -> Iterator[_Shape]:
         if row in measured:
             yield _Shape(
                 entity,
-                MEASURED_COLOURS[standing],
-                sample_polyline(measured[row]),
+                style.MEASURED_COLOURS[standing],
+                outlines.sample_polyline(measured[row]),
                 text,
                 ends,
                 width=None,
@@ -531,11 +517,11 @@ def _shapes(result: Result, scene: Scene) -> Iterator[_Shape]:
         yield from _rulers(result, scene.off_ground)
     # borders of the ground that the photos before and after show
     rings = footprints(result)
-    flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
+    flown = [int(frame) for frame in outlines.flight_order(result) if int(frame) in rings]
     for k, frame in enumerate(flown):
-        samples = sample_polyline(close_ring(rings[frame]), BORDER_SAMPLES)
+        samples = outlines.sample_polyline(close_ring(rings[frame]), BORDER_SAMPLES)
         beside = frozenset([*flown[max(k - 1, 0) : k], *flown[k + 1 : k + 2]])
-        yield _Shape(NEIGHBOURS, QUIET, samples, frames=beside, width=1.0)
+        yield _Shape(NEIGHBOURS, style.QUIET, samples, frames=beside, width=1.0)
 
 
 def _rulers(result: Result, standing: OffGround) -> Iterator[_Shape]:
@@ -544,8 +530,8 @@ def _rulers(result: Result, standing: OffGround) -> Iterator[_Shape]:
         ends = np.stack([foot, result.points.position_world_m[row]])
         yield _Shape(
             f"{HEIGHTS}/{source}",
-            HEIGHT_COLOURS[source],
-            sample_polyline(ends, RULER_SAMPLES),
+            style.HEIGHT_COLOURS[source],
+            outlines.sample_polyline(ends, RULER_SAMPLES),
             ends=frozenset([result.points.label[row]]),
             width=RULER_WIDTH,
         )
@@ -566,7 +552,7 @@ def _log_shapes(
     The texts of the lines of each frame.
     """
     frames, shapes = range(len(result.frames.frame_id)), list(_shapes(result, scene))
-    in_sight = VisiblePolylines(result, [shape.samples_m for shape in shapes])
+    in_sight = outlines.VisiblePolylines(result, [shape.samples_m for shape in shapes])
     words: list[list[PhotoText]] = [[] for _ in frames]
     kinds = {shape.entity: shape for shape in shapes}
     runs: dict[str, list[list[Floats]]] = {entity: [[] for _ in frames] for entity in kinds}
@@ -578,11 +564,11 @@ def _log_shapes(
             for shape in near
             if shape.ends <= picked and (shape.frames is None or frame in shape.frames)
         ]
-        pixels = project_polylines(result, frame, [shape.samples_m for shape in shown])
+        pixels = outlines.project_polylines(result, frame, [shape.samples_m for shape in shown])
         for shape, seen in zip(shown, pixels, strict=True):
-            pieces = visible_runs(seen)
+            pieces = outlines.visible_runs(seen)
             runs[shape.entity][frame] += (
-                visible_runs(_dash_line(seen)) if shape.is_dashed else pieces
+                outlines.visible_runs(_dash_line(seen)) if shape.is_dashed else pieces
             )
             if pieces and shape.text:
                 longest = max(pieces, key=len)

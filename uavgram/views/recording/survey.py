@@ -19,6 +19,7 @@ from uavgram.stages.products.map_layers import (
     ground_lines,
     measured_strips,
 )
+from uavgram.views import style
 from uavgram.views.recording.labels import (
     MANY_LINES,
     line_width,
@@ -30,21 +31,6 @@ from uavgram.views.recording.labels import (
 from uavgram.views.recording.points import log_departures, log_points
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import (
-    FRAME_COLOURS,
-    FREE,
-    GROUND,
-    LINE_COLOURS,
-    MEASURED,
-    MEASURED_COLOURS,
-    MEASURED_QUIET,
-    OBSERVED,
-    QUIET,
-    REFINED,
-    SEED,
-    SPREAD,
-    Rgb,
-)
 from uavgram.views.survey.drawing import Drawing
 from uavgram.views.survey.heights import LEFT, WIDTH, ProfileDrawing, profile_drawings
 from uavgram.views.survey.key_facts import frame_states
@@ -69,9 +55,9 @@ def log_footprints(recorder: Recorder, result: Result) -> None:
     rings = {frame: close_ring(ring) for frame, ring in footprints(result).items()}
     if not rings:
         return
-    recorder.lines(ALL, list(rings.values()), QUIET, 0.8)
+    recorder.lines(ALL, list(rings.values()), style.QUIET, 0.8)
     strips = [[rings[k]] if k in rings else [] for k in range(len(result.frames.frame_id))]
-    recorder.lines_of_frames(CURRENT, strips, OBSERVED, 1.6)
+    recorder.lines_of_frames(CURRENT, strips, style.OBSERVED, 1.6)
 
 
 # Dashes of each segment of a dashed line.
@@ -101,8 +87,8 @@ def log_survey(
     recorder.static("survey", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     if texture is not None:
         recorder.static("survey/ground", _ground(result, texture, scene))
-    _flight(recorder, result, scene, "survey/flight_log", result.frames.seed, SEED)
-    _flight(recorder, result, scene, "survey/refined", result.frames.refined, REFINED)
+    _flight(recorder, result, scene, "survey/flight_log", result.frames.seed, style.SEED)
+    _flight(recorder, result, scene, "survey/refined", result.frames.refined, style.REFINED)
     _odd_frames(recorder, result, scene)
     _reference_lines(recorder, result)
     labels, named = survey_labels(result, scene)
@@ -115,7 +101,7 @@ def log_survey(
 
 
 def _flight(
-    recorder: Recorder, result: Result, scene: Scene, path: str, poses: PoseTable, colour: Rgb
+    recorder: Recorder, result: Result, scene: Scene, path: str, poses: PoseTable, colour: style.Rgb
 ) -> None:
     centers = track(result, poses)
     if not len(centers):
@@ -132,7 +118,7 @@ def _odd_frames(recorder: Recorder, result: Result, scene: Scene) -> None:
     for state, poses in (("check", result.frames.refined), ("rejected", result.frames.seed)):
         cameras = frusta(result, _only(poses, states == state), scene.frustum_m)
         path = f"survey/frames_{ODD_FRAMES[state]}"
-        recorder.lines(path, cameras, FRAME_COLOURS[state], 2.5)
+        recorder.lines(path, cameras, style.FRAME_COLOURS[state], 2.5)
 
 
 def _only(poses: PoseTable, rows: Bools) -> PoseTable:
@@ -150,13 +136,13 @@ def _measured(recorder: Recorder, result: Result, named: frozenset[int]) -> None
         own = [strip for row, strip in strips.items() if status[row] == doubt]
         if doubt == "contradicted":
             own = [dash for strip in own for dash in _dashes(strip)]
-        colour, width = MEASURED_COLOURS[doubt], line_width(total)
+        colour, width = style.MEASURED_COLOURS[doubt], line_width(total)
         recorder.lines(f"survey/measured/{doubt}", own, colour, width)
     strips = {row: s for row, s in strips.items() if status[row] in ("ok", "not-checked")}
     bold = [strips[row] for row in named if row in strips]
     quiet = [strip for row, strip in strips.items() if row not in named]
-    recorder.lines("survey/measured/least_certain", bold, MEASURED, 3.5)
-    colour = MEASURED if total <= MANY_LINES else MEASURED_QUIET
+    recorder.lines("survey/measured/least_certain", bold, style.MEASURED, 3.5)
+    colour = style.MEASURED if total <= MANY_LINES else style.MEASURED_QUIET
     recorder.lines("survey/measured/others", quiet, colour, line_width(total))
 
 
@@ -169,7 +155,7 @@ def _reference_lines(recorder: Recorder, result: Result) -> None:
             drawn.setdefault((layer, status), []).extend(_dashes(strip) if is_dashed else [strip])
     for (layer, status), strips in drawn.items():
         entity, width, _ = REFERENCES[layer]
-        recorder.lines(f"survey/{entity}/{status}", strips, LINE_COLOURS[status], width)
+        recorder.lines(f"survey/{entity}/{status}", strips, style.LINE_COLOURS[status], width)
 
 
 def _dashes(strip: Floats) -> list[Floats]:
@@ -222,7 +208,7 @@ def log_map(recorder: Recorder, result: Result) -> None:
         latitude, longitude, _ = geodetic_from_enu(strip, origin)
         return np.column_stack([latitude, longitude])
 
-    def log_lines(name: str, strips: list[Floats], colours: list[Rgb], width: float) -> None:
+    def log_lines(name: str, strips: list[Floats], colours: list[style.Rgb], width: float) -> None:
         if strips:
             lat_lon = [on_earth(strip) for strip in strips]
             radii = rr.Radius.ui_points(width / 2)
@@ -230,24 +216,24 @@ def log_map(recorder: Recorder, result: Result) -> None:
             recorder.static(f"{MAP}/{name}", lines)
 
     borders = [close_ring(ring) for ring in footprints(result).values()]
-    log_lines("footprints", borders, [QUIET] * len(borders), 1.0)
+    log_lines("footprints", borders, [style.QUIET] * len(borders), 1.0)
     for name, poses, colour in (
-        ("flight_log", result.frames.seed, SEED),
-        ("refined", result.frames.refined, REFINED),
+        ("flight_log", result.frames.seed, style.SEED),
+        ("refined", result.frames.refined, style.REFINED),
     ):
         centers = track(result, poses)
         log_lines(name, [centers] if len(centers) > 1 else [], [colour], 2.0)
     measured = list(measured_strips(result).values())
-    log_lines("measured", measured, [MEASURED] * len(measured), line_width(len(measured)))
+    log_lines("measured", measured, [style.MEASURED] * len(measured), line_width(len(measured)))
     for layer, (entity, _, width) in REFERENCES.items():
         known = [line for line in ground_lines(result) if line.layer == layer]
-        colours = [LINE_COLOURS[line.status] for line in known]
+        colours = [style.LINE_COLOURS[line.status] for line in known]
         log_lines(entity, [line.strip for line in known], colours, width)
     lat_lon = np.column_stack([points.latitude_deg, points.longitude_deg])
     dots = rr.GeoPoints(
         lat_lon=lat_lon[np.isfinite(lat_lon[:, 0])],
         radii=rr.Radius.ui_points(3.0),
-        colors=OBSERVED,
+        colors=style.OBSERVED,
     )
     recorder.static(f"{MAP}/points", dots)
 
@@ -273,12 +259,12 @@ HALF_LETTER, LINE, HALF_DOT = 4.5, 24.0, 3.0
 TITLE_UP, BAR_UP, NUMBER_AT = 6.0, 8.0, 26.0
 GAP = 36.0
 
-LINES: tuple[tuple[str, Rgb, float], ...] = (
-    ("grid", QUIET, 0.5),
-    ("ground", GROUND, 2.0),
-    ("line", MEASURED, 2.0),
-    ("rulers", FREE, 1.0),
-    ("bars", SPREAD, 3.0),
+LINES: tuple[tuple[str, style.Rgb, float], ...] = (
+    ("grid", style.QUIET, 0.5),
+    ("ground", style.GROUND, 2.0),
+    ("line", style.MEASURED, 2.0),
+    ("rulers", style.FREE, 1.0),
+    ("bars", style.SPREAD, 3.0),
 )
 """Lines of a drawing, with their colours and widths on the screen."""
 
@@ -303,10 +289,10 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
             lines += [_scale_bar(one.drawing, top) for one, top in both]
         recorder.lines(f"{PROFILES}/{name}", lines, colour, width)
     dots = [_lower(dot[0], top) for one, top in both for dot in one.drawing.find_shapes("points")]
-    recorder.dots(f"{PROFILES}/points", dots, OBSERVED, 3.0)
+    recorder.dots(f"{PROFILES}/points", dots, style.OBSERVED, 3.0)
     words = [(at, text, line) for one, top in both for at, text, line in _words(one, top)]
     leaders = [line for _, _, line in words if np.isfinite(line[0, 0])]
-    recorder.lines(f"{PROFILES}/texts/lines", leaders, QUIET, 1.0)
+    recorder.lines(f"{PROFILES}/texts/lines", leaders, style.QUIET, 1.0)
     recorder.texts(f"{PROFILES}/texts", [at for at, _, _ in words], [text for _, text, _ in words])
 
 

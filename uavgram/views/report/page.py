@@ -26,30 +26,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import Paper
 from uavgram.model.naming import format_count, format_digits
 from uavgram.model.result.result import NO_PICTURES, POSE_NAMES, Pictures, Result
-from uavgram.views.formatting import (
-    FRAME_STATUS_WORDS,
-    LEVEL_RANK,
-    NOT_UNIQUE,
-    WHY_TO_NEIGHBOURS,
-    WHY_TWO_ELLIPSES,
-    describe_origin,
-    number,
-    order_shapes_first,
-    order_worst_fit_first,
-    relief_text,
-    utc,
-)
+from uavgram.views import formatting
 from uavgram.views.pages import PAPER_SIZES, make_unit_variables, page, page_pdf, weasyprint_for
+from uavgram.views.report import measurements
 from uavgram.views.report.first_page import MAX_REASONS, Brief, lay_out_brief, report_plan
-from uavgram.views.report.measurements import (
-    MAX_ROWS,
-    alternative_tables,
-    budget_table,
-    describe_learnt_noise,
-    describe_sampling,
-    relief_notes,
-    second_order_note,
-)
 from uavgram.views.report.pictures import embed_pictures, gallery
 from uavgram.views.result_tables import Source, result_table, select_most_doubtful, select_rows
 from uavgram.views.style import INK
@@ -186,7 +166,7 @@ def _list_poses(result: Result, order: list[int]) -> Table:
             (
                 result.frames.frame_id[frame],
                 *map(source.length_with_sigma, poses.center_world_m[frame], sigma[:3]),
-                *map(number, (*angles_deg, *np.degrees(sigma[3:]))),
+                *map(formatting.number, (*angles_deg, *np.degrees(sigma[3:]))),
             )
         )
     return make_table(
@@ -207,7 +187,7 @@ def _correlate(result: Result, frame: int) -> tuple[str, tuple[str, ...]]:
 
 
 def _numbers(values: Floats) -> tuple[str, ...]:
-    return tuple(number(float(value), 2) for value in values)
+    return tuple(formatting.number(float(value), 2) for value in values)
 
 
 def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Matrix, ...], int]:
@@ -256,7 +236,7 @@ def _residuals(result: Result, frame: int, rows: list[int]) -> tuple[str, ...]:
     rms = np.sqrt(np.mean(residual**2, axis=0))
     size = np.linalg.norm(residual, axis=1)
     worst = int(np.argmax(size))
-    sizes = (number(float(one), 2) for one in (*rms, size[worst]))
+    sizes = (formatting.number(float(one), 2) for one in (*rms, size[worst]))
     return (name, str(len(rows)), *sizes, picks.label[rows[worst]])
 
 
@@ -280,7 +260,7 @@ def list_foundations(result: Result) -> tuple[tuple[str, str], ...]:
         ("Known lengths", _lengths(result)),
         ("Flight log", sources if result.has_seed.any() else "none"),
         ("Points", picks_text(result) or "all picked by people"),
-        ("Place", describe_origin(result)),
+        ("Place", formatting.describe_origin(result)),
         ("Largest uncertainty", _largest_source(result)),
     )
     return tuple((question, answer) for question, answer in facts if answer)
@@ -307,7 +287,7 @@ def _list_messages(result: Result) -> Table:
     rows = [
         Row((Cell(words[one.level], look="tag"), one.text, Cell(one.code, look="mono code")),
             one.level == "error")
-        for one in sorted(result.messages, key=lambda one: LEVEL_RANK[one.level])
+        for one in sorted(result.messages, key=lambda one: formatting.LEVEL_RANK[one.level])
     ]  # fmt: skip
     return make_table(" |  | ", rows)
 
@@ -325,13 +305,17 @@ def _list_photos(result: Result, rows: Sequence[int]) -> Table:
         Row(
             (
                 (name := frames.frame_id[i]),
-                utc(frames.time_utc_s[i]),
-                ": ".join(filter(None, (FRAME_STATUS_WORDS[frames.status[i]], frames.reason[i]))),
+                formatting.utc(frames.time_utc_s[i]),
+                ": ".join(
+                    filter(
+                        None, (formatting.FRAME_STATUS_WORDS[frames.status[i]], frames.reason[i])
+                    )
+                ),
                 Cell(str(count[name]), below=made[i]),
                 *([tied[i]] if ties else []),
                 source.length(frames.refined.center_world_m[i, 2], 2),
                 source.length(position_m[i], 2),
-                number(attitude_deg[i], 2),
+                formatting.number(attitude_deg[i], 2),
             ),
             frames.status[i] in ("rejected", "unmatched"),
         )
@@ -387,10 +371,10 @@ def method_facts(result: Result) -> dict[str, str | bool]:
         "has_heights": bool(result.points.is_off_ground.any()),
         "has_skid": "skid_speed" in result.measurements.kind,
         "has_volume": "volume" in result.measurements.kind,
-        "ellipse": number(ELLIPSE_95, 4),
+        "ellipse": formatting.number(ELLIPSE_95, 4),
         "significance": f"{format_digits(significance, 6)}",
-        "critical": number(compute_critical_value(significance), 2),
-        "noncentrality": number(compute_noncentrality(significance), 2),
+        "critical": formatting.number(compute_critical_value(significance), 2),
+        "noncentrality": formatting.number(compute_noncentrality(significance), 2),
         "power": f"{100 * TEST_POWER:.0f} %",
     }
 
@@ -472,7 +456,7 @@ def _page(template: str, facts: dict[str, Any]) -> str:
 def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
     """Compute the variables of both templates."""
     first, chosen, links = lay_out_brief(result), select_rows(result), weakest_table(result)
-    fits = order_worst_fit_first(result.lines.w)
+    fits = formatting.order_worst_fit_first(result.lines.w)
     unwithheld = [int(i) for i in fits if result.lines.status[i] != "checked"]
     return dict(
         result=result,
@@ -491,32 +475,32 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         undetectable=describe_undetectable(result),
         most_lengths=MAX_LENGTHS,
         most_warnings=MAX_WARNINGS,
-        measured=order_shapes_first(result.measurements),
-        not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
-        relief=relief_notes(result),
-        relief_step=relief_text(units_of(result)),
+        measured=formatting.order_shapes_first(result.measurements),
+        not_unique=formatting.NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
+        relief=measurements.relief_notes(result),
+        relief_step=formatting.relief_text(units_of(result)),
         table=partial(result_table, result=result),
-        learnt=describe_learnt_noise(result),
+        learnt=measurements.describe_learnt_noise(result),
         uneven=collect_departures(result),
-        sampled=describe_sampling(result),
-        second_order=second_order_note(result),
-        alternatives=alternative_tables(result),
+        sampled=measurements.describe_sampling(result),
+        second_order=measurements.second_order_note(result),
+        alternatives=measurements.alternative_tables(result),
         profiles=profile_drawings(result),
         gallery=gallery(result, pictures),
         **_plans(result, pictures, first),
         ink=INK,
-        place=describe_origin(result),
-        why_to_neighbours=WHY_TO_NEIGHBOURS,
-        why_two_ellipses=WHY_TWO_ELLIPSES,
-        budget=budget_table(result),
+        place=formatting.describe_origin(result),
+        why_to_neighbours=formatting.WHY_TO_NEIGHBOURS,
+        why_two_ellipses=formatting.WHY_TWO_ELLIPSES,
+        budget=measurements.budget_table(result),
         unwithheld=unwithheld,
         **fit_tables(result),
         removals=removal_rows(result),
         checks=checks_summary(result),
         checks_together=overall_words(result),
-        weakest=links._replace(rows=links.rows[:MAX_ROWS]),
-        links_more=len(links.rows) - MAX_ROWS,
-        most_rows=MAX_ROWS,
+        weakest=links._replace(rows=links.rows[: measurements.MAX_ROWS]),
+        links_more=len(links.rows) - measurements.MAX_ROWS,
+        most_rows=measurements.MAX_ROWS,
         priors=prior_table(result),
         photos=_list_photos(result, chosen["photos_told"]),
         custody=_list_custody(result, chosen["files_told"]),
