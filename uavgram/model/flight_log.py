@@ -24,7 +24,23 @@ FaultKind = Literal[
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VelocitySamples(FrozenArrays):
+class Samples(FrozenArrays):
+    """N samples of a quantity in a log.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    source
+        Log message of these samples.
+    """
+
+    time_boot_s: Annotated[Floats, "n"]
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VelocitySamples(Samples):
     """N velocities of the vehicle.
 
     Attributes
@@ -37,13 +53,11 @@ class VelocitySamples(FrozenArrays):
         Log message of these samples.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     ned_m_s: Annotated[Floats, "n", 3]
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TurnRateSamples(FrozenArrays):
+class TurnRateSamples(Samples):
     """N angular rates of the vehicle from its gyroscopes, unaffected by resets of an estimator.
 
     Attributes
@@ -56,9 +70,7 @@ class TurnRateSamples(FrozenArrays):
         Log message of these samples.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     body_rad_s: Annotated[Floats, "n", 3]
-    source: str
 
 
 @dataclass(frozen=True)
@@ -153,7 +165,7 @@ LogKind = Literal["dataflash", "tlog", "ulog"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PositionSamples(FrozenArrays):
+class PositionSamples(Samples):
     """N positions of the vehicle.
 
     Attributes
@@ -172,17 +184,15 @@ class PositionSamples(FrozenArrays):
         Log message of these samples, such as ``POS`` or ``GLOBAL_POSITION_INT``.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     latitude_deg: Annotated[Floats, "n"]
     longitude_deg: Annotated[Floats, "n"]
     height_m: Annotated[Floats, "n"]
     height_home_m: Annotated[Floats, "n", NAN_IS_NONE]
     datum: HeightDatum
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AttitudeSamples(FrozenArrays):
+class AttitudeSamples(Samples):
     """N attitudes of the vehicle.
 
     Attributes
@@ -195,13 +205,11 @@ class AttitudeSamples(FrozenArrays):
         Log message of these samples.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     ned_from_body_xyzw: Annotated[Floats, "n", 4]
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GimbalSamples(FrozenArrays):
+class GimbalSamples(Samples):
     """N attitudes of the gimbal: roll and pitch earth-referenced, yaw relative to `yaw_frame`.
 
     Attributes
@@ -217,16 +225,14 @@ class GimbalSamples(FrozenArrays):
         Log message of these samples.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     roll_rad: Annotated[Floats, "n"]
     pitch_rad: Annotated[Floats, "n"]
     yaw_rad: Annotated[Floats, "n"]
     yaw_frame: Literal["earth", "vehicle"]
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EstimatorSigmas(FrozenArrays):
+class EstimatorSigmas(Samples):
     """N standard deviations reported by the estimator; NaN where it reports none.
 
     Attributes
@@ -243,13 +249,11 @@ class EstimatorSigmas(FrozenArrays):
         Log messages of these samples.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     horizontal_m: Annotated[Floats, "n", NAN_IS_NONE]
     vertical_m: Annotated[Floats, "n", NAN_IS_NONE]
     tilt_rad: Annotated[Floats, "n", NAN_IS_NONE]
     yaw_rad: Annotated[Floats, "n", NAN_IS_NONE]
     is_fixed: Annotated[Bools, "n"] = field(default_factory=lambda: np.zeros(0, np.bool_))
-    source: str
 
     def __post_init__(self) -> None:
         if not len(self.is_fixed):
@@ -258,7 +262,7 @@ class EstimatorSigmas(FrozenArrays):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReceptionSamples(FrozenArrays):
+class ReceptionSamples(Samples):
     """N reports of satellite reception by the receiver; NaN where it reports none.
 
     Attributes
@@ -274,14 +278,12 @@ class ReceptionSamples(FrozenArrays):
         Log message of these samples.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     satellites: Annotated[Floats, "n", NAN_IS_NONE]
     hdop: Annotated[Floats, "n", NAN_IS_NONE]
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CameraEvents(FrozenArrays):
+class CameraEvents(Samples):
     """N exposures recorded in the log.
 
     Attributes
@@ -304,17 +306,15 @@ class CameraEvents(FrozenArrays):
         autopilot counted but this log does not contain.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     image_number: Annotated[Ints, "n"]
     confirmed: Annotated[Floats, "n"]
-    source: str
     instant: Literal["feedback", "command"] = "command"
     repeated: tuple[int, ...] = ()
     lost: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ClockSamples(FrozenArrays):
+class ClockSamples(Samples):
     """N pairs of boot time and UTC.
 
     Attributes
@@ -326,13 +326,12 @@ class ClockSamples(FrozenArrays):
         station's clock: late by an unknown, varying delay).
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     utc_s: Annotated[Floats, "n"]
     source: Literal["gps", "system_time", "receive"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class HomeSamples(FrozenArrays):
+class HomeSamples(Samples):
     """N home positions, each valid from its time on.
 
     Attributes
@@ -345,12 +344,10 @@ class HomeSamples(FrozenArrays):
         Log message of these samples.
     """
 
-    time_boot_s: Annotated[Floats, "n"]
     latitude_deg: Annotated[Floats, "n"]
     longitude_deg: Annotated[Floats, "n"]
     height_m: Annotated[Floats, "n"]
     datum: HeightDatum
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -50,6 +50,13 @@ class FileColumn:
     has_own_digits: bool = False
 
 
+def _fields(
+    table: str, *names: str, files: tuple[File, ...] = ("csv", "geojson", "map")
+) -> tuple[FileColumn, ...]:
+    """Make columns of a table's fields that have the same names there."""
+    return tuple(FileColumn(name, attrgetter(f"{table}.{name}"), files) for name in names)
+
+
 def heights_above_datum(result: Result) -> Floats:
     """Compute heights (K,) of the points above the world's datum [m]; NaN without an origin."""
     if result.world.origin is None:
@@ -66,12 +73,9 @@ def _datum(result: Result) -> tuple[str, ...]:
 MAPS: tuple[File, ...] = ("geojson", "map")
 
 MEASUREMENTS = (
-    FileColumn("name", attrgetter("measurements.name")),
-    FileColumn("kind", attrgetter("measurements.kind")),
+    *_fields("measurements", "name", "kind"),
     FileColumn("points", attrgetter("measurements.points"), joint=";"),
-    FileColumn("value", attrgetter("measurements.value")),
-    FileColumn("sigma", attrgetter("measurements.sigma")),
-    FileColumn("unit", attrgetter("measurements.unit")),
+    *_fields("measurements", "value", "sigma", "unit"),
     FileColumn("lower_95", lambda result: result.measurements.interval_95[:, 0]),
     FileColumn("upper_95", lambda result: result.measurements.interval_95[:, 1]),
     FileColumn(
@@ -117,9 +121,7 @@ POINTS = (
         "covariance_north_up_m2", lambda result: result.points.covariance_m3[:, 1, 2], ("map",)
     ),
     FileColumn("neighbour_sigma_m", attrgetter("points.neighbour_sigma_m"), ("geojson",)),
-    FileColumn("height_above_ground_m", attrgetter("points.height_above_ground_m"), MAPS),
-    FileColumn("height_sigma_m", attrgetter("points.height_sigma_m"), MAPS),
-    FileColumn("height_source", attrgetter("points.height_source"), MAPS),
+    *_fields("points", "height_above_ground_m", "height_sigma_m", "height_source", files=MAPS),
     FileColumn("height_m", heights_above_datum, ("geojson",)),
     FileColumn("height_datum", _datum, MAPS),
     FileColumn("semi_major_95_m", lambda result: result.points.ellipse_95_m[:, 0], MAPS),
@@ -139,25 +141,17 @@ POINTS = (
 )
 
 LENGTHS = (
-    FileColumn("name", attrgetter("lines.name"), ("map",)),
+    *_fields("lines", "name", files=("map",)),
     FileColumn("from", attrgetter("lines.start"), ("map",)),
     FileColumn("to", attrgetter("lines.end"), ("map",)),
-    FileColumn("status", attrgetter("lines.status"), ("map",)),
-    FileColumn("length_m", attrgetter("lines.length_m"), ("map",)),
-    FileColumn("sigma_m", attrgetter("lines.sigma_m"), ("map",)),
-    FileColumn("adjusted_m", attrgetter("lines.adjusted_m"), ("map",)),
-    FileColumn("adjusted_sigma_m", attrgetter("lines.adjusted_sigma_m"), ("map",)),
-    FileColumn("residual_m", attrgetter("lines.residual_m"), ("map",)),
-    FileColumn("w", attrgetter("lines.w"), ("map",)),
+    *_fields("lines", "status", "length_m", "sigma_m", "adjusted_m", files=("map",)),
+    *_fields("lines", "adjusted_sigma_m", "residual_m", "w", files=("map",)),
 )
 
 CONTROL_LINES = (
-    FileColumn("name", attrgetter("control_lines.name"), ("map",)),
+    *_fields("control_lines", "name", files=("map",)),
     FileColumn("points", attrgetter("control_lines.points"), ("map",), joint=";"),
-    FileColumn("status", attrgetter("control_lines.status"), ("map",)),
-    FileColumn("sigma_m", attrgetter("control_lines.sigma_m"), ("map",)),
-    FileColumn("offset_m", attrgetter("control_lines.offset_m"), ("map",)),
-    FileColumn("w", attrgetter("control_lines.w"), ("map",)),
+    *_fields("control_lines", "status", "sigma_m", "offset_m", "w", files=("map",)),
 )
 
 
