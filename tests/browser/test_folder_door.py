@@ -22,8 +22,8 @@ from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
 from uavgram.config.project import load_project
+from uavgram.imaging.photos.tiles import TiledPhotos
 from uavgram.picking.session.folder_chooser import FolderChooser
-from uavgram.picking.session.session import PickSession
 from uavgram.picking.web.server import PickServer
 
 
@@ -262,17 +262,17 @@ def test_back_and_forward_of_the_browser_go_through_the_folders(page: Page) -> N
 def test_a_page_that_closes_its_project_requests_no_more_photos(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real_tile, real_end = PickSession.tile, PickServer.end
+    real_tile, real_end = TiledPhotos.tile, PickServer.end
 
-    def slow_tile(session: PickSession, *place: Any) -> bytes | None:  # noqa: ANN401
+    def slow_tile(photos: TiledPhotos, *place: Any) -> bytes | None:  # noqa: ANN401
         time.sleep(0.3)
-        return real_tile(session, *place)
+        return real_tile(photos, *place)
 
     async def slow_end(server: PickServer, *, waits: bool) -> None:
         await asyncio.sleep(2.0)  # the photo is complete before the page is told to go
         await real_end(server, waits=waits)
 
-    monkeypatch.setattr(PickSession, "tile", slow_tile)
+    monkeypatch.setattr(TiledPhotos, "tile", slow_tile)
     monkeypatch.setattr(PickServer, "end", slow_end)
     page.get_by_role("button", name="Use flight").click()
     page.get_by_role("radio", name="Straight down").check()

@@ -38,7 +38,7 @@ def opened(path: Path, *, killed: bool = False) -> Iterator[tuple[OpenProject, l
     finally:
         if not killed:
             project.picking.save()
-        project.picking.let_go()
+        project.picking.saver.close()
 
 
 def change(project: OpenProject, kind: str, /, **fields: object) -> Json:

@@ -459,7 +459,7 @@ def test_what_cannot_be_kept_is_not_done_and_its_numbers_are_taken_back(
     assert session.state is before
     assert [task.state == before for task in adjusted] == [False, True]
     assert session.version == adjusted[1].version > adjusted[0].version
-    session.let_go()
+    session.saver.close()
 
 
 @pytest.mark.parametrize(

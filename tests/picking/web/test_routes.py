@@ -26,7 +26,10 @@ def picking() -> SimpleNamespace:
         return b"tile"
 
     return SimpleNamespace(
-        shown=shown, show=lambda *said: shown.append(said), asked=asked, tile=tile
+        shown=shown,
+        show=lambda *said: shown.append(said),
+        asked=asked,
+        tiled=SimpleNamespace(tile=tile),
     )
 
 
@@ -64,7 +67,7 @@ def test_why_a_photo_cannot_be_shown_is_said(picking: SimpleNamespace) -> None:
     def refuse(*_: object) -> Never:
         raise InputError("photo.jpg", "is no photo that can be decoded")
 
-    picking.tile = refuse
+    picking.tiled.tile = refuse
     answer = tile(picking)
     assert answer.status_code == 404
     assert "photo.jpg: is no photo that can be decoded" in answer.json()["why"]
@@ -95,7 +98,7 @@ def test_what_is_no_curve_of_brightness_is_refused(picking: SimpleNamespace, sai
 
 
 def test_how_bright_a_photo_is_shown_first_is_told(picking: SimpleNamespace) -> None:
-    picking.tones = lambda photo: (Tone(), Tone(30.0, 90.0, 1.5)) if photo == 3 else None
+    picking.tiled.tones = lambda photo: (Tone(), Tone(30.0, 90.0, 1.5)) if photo == 3 else None
 
     assert tile(picking, "/photo/3/tones.json").json() == {
         "first": {"black": 0.0, "white": 255.0, "gamma": 1.0},

@@ -78,7 +78,7 @@ class SearchInput:
         return self.state.picks, self.state.lines
 
 
-class PointSearch:
+class PointSearch(LatestTask[SearchInput]):
     """Worker that searches for picked points in the other photos.
 
     Parameters
@@ -100,11 +100,11 @@ class PointSearch:
         proposed: ProposalTable,
         watched: WatchedWork,
     ) -> None:
+        super().__init__({"seeker": self._work})
         self._survey, self._photos, self.proposed = survey, photos, proposed
         self.watched = watched
         self._targets = PickedTargets(survey, photos)
         self._features = FeaturePlaces(survey.inputs)
-        self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
         # Picks, lengths and outcomes of the last finished search.
         self._finished: tuple[object, ...] = ()
@@ -112,29 +112,17 @@ class PointSearch:
         self._outcomes: dict[Pair, Outcome] = {}  # of the present search
         self._shown: frozenset[Pair] = frozenset()  # with an outcome before it
 
-    def start(self) -> None:
-        """Start the worker."""
-        self._newest.start()
-
-    def submit(self, wanted: SearchInput) -> None:
-        """Search for these picks; the search for older ones is abandoned."""
-        self._newest.submit(wanted)
-
-    def stop(self) -> None:
-        """End at the next step."""
-        self._newest.stop()
-
-    def _is_outdated(self, wanted: SearchInput) -> bool:
+    def is_outdated(self, task: SearchInput) -> bool:
         """Return whether there are newer picks or lengths, or their own adjustment, or the end."""
-        newest = self._newest.task or wanted
-        is_newer = newest.observed != wanted.observed or newest.is_adjusted > wanted.is_adjusted
-        return is_newer or self._newest.is_over
+        newest = self.task or task
+        is_newer = newest.observed != task.observed or newest.is_adjusted > task.is_adjusted
+        return is_newer or self.is_over
 
     def _work(self) -> None:
         wanted: SearchInput | None = None
-        while (wanted := self._newest.newer(wanted)) is not None:
+        while (wanted := self.newer(wanted)) is not None:
             try:
-                self.watched.run(partial(self._seek, wanted), partial(self._is_outdated, wanted))
+                self.watched.run(partial(self._seek, wanted), partial(self.is_outdated, wanted))
             except StoppedError:  # for a newer state
                 continue
             except c.RefusedError:  # by a person: until the next change

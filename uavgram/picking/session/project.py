@@ -109,7 +109,7 @@ class OpenProject:
         return {
             **self.picking.initial_state(),
             "outputs": self._describe_outputs(),
-            "outside": self._outside.find_changed_files(self.picking.find_changed_tables()),
+            "outside": self._outside.find_changed_files(self.picking.saver.find_changed_tables()),
             "added": self._outside.added,
             "calibration": self.calibration.last_message,
             "stages": {kind: work.shown for kind, work in self._works.items()},
@@ -122,7 +122,7 @@ class OpenProject:
             return
         outside = self._outside
         before = outside.last_changed, outside.added
-        files = outside.find_changed_files(self.picking.find_changed_tables())
+        files = outside.find_changed_files(self.picking.saver.find_changed_tables())
         if (files, outside.added) != before:
             self._broadcast({"t": "outside", "files": files, "added": outside.added})
         if (written := self._describe_outputs()) != self._written_then:
@@ -257,7 +257,7 @@ class OpenProject:
                 self.picking.save()
                 survey = await to_thread.run_sync(LiveSurvey.open, self._path)
                 await to_thread.run_sync(self.picking.stop)
-                self.picking.let_go()
+                self.picking.saver.close()
                 self._begin(survey)
             except UavgramError:
                 self.refuses = ""

@@ -114,7 +114,7 @@ class Searches:
         self._grey.stop()
 
 
-class PlateSearch:
+class PlateSearch(LatestTask[State]):
     """Worker that searches for a project's plates.
 
     Parameters
@@ -132,27 +132,19 @@ class PlateSearch:
     def __init__(
         self, inputs: Inputs, photos: GreyPhotos, read: ReadReduced, proposed: ProposalTable
     ) -> None:
+        super().__init__({"plates": self._work})
         self._inputs, self._photos, self._read = inputs, photos, read
         self._proposed = proposed
         self._seen: dict[str, tuple[SeenPlate, ...]] = {}
-        self._newest: LatestTask[State] = LatestTask({"plates": self._work})
 
     def start(self) -> None:
         """Start the worker if the project describes targets."""
         if self._inputs.project.targets is not None:
-            self._newest.start()
-
-    def submit(self, state: State) -> None:
-        """Continue the search, and propose the points that this state needs."""
-        self._newest.submit(state)
-
-    def stop(self) -> None:
-        """End after the current photo."""
-        self._newest.stop()
+            super().start()
 
     def _work(self) -> None:
         state: State | None = None
-        while (state := self._newest.newer(state)) is not None:
+        while (state := self.newer(state)) is not None:
             try:
                 self._seek(state)
             except Exception:  # a bug here must not end the worker: picking goes on
@@ -162,7 +154,7 @@ class PlateSearch:
         targets = self._inputs.project.targets
         self._propose(state)
         for name in self._inputs.photos.frame_id:
-            if targets is None or self._newest.is_outdated(state):
+            if targets is None or self.is_outdated(state):
                 return
             if name not in self._seen:
                 self._seen[name] = self._detect_plates(name, targets)

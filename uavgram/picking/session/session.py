@@ -15,7 +15,7 @@ from typing import cast
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.photos.preview import Tone, read_preview
+from uavgram.imaging.photos.preview import read_preview
 from uavgram.imaging.photos.tiles import TILE_PX, PhotoFile, TiledPhotos
 from uavgram.io.photos.catalogue import report_unusable_photos
 from uavgram.picking.document import commands as c
@@ -64,11 +64,16 @@ class PickSession:
         Store of confirmed changes.
     broadcast
         Called from any thread with messages for all pages.
+
+    Attributes
+    ----------
+    tiled
+        Pictures of the photos, in tiles.
     """
 
     def __init__(self, survey: LiveSurvey, saver: Tables, broadcast: m.Broadcast) -> None:
         self.survey = survey
-        self._saver = saver
+        self.saver = saver
         self._broadcast = broadcast
         inputs = survey.inputs
         photos = inputs.photos
@@ -87,7 +92,7 @@ class PickSession:
         self.version = 0
         self.fault = ""
         self._last_message: m.FullLive | None = None
-        self._tiled = TiledPhotos(
+        self.tiled = TiledPhotos(
             [
                 PhotoFile(path, photo.width_px, photo.height_px)
                 for path, photo in zip(photos.path, self.photos, strict=True)
@@ -115,7 +120,7 @@ class PickSession:
     def open(self) -> None:
         """Start: save what was recovered, adjust, and decode the photo that a page shows first."""
         self.save()
-        self._tiled.read_ahead(self._find_most_picked_photo())
+        self.tiled.read_ahead(self._find_most_picked_photo())
         self._live.start()
         self._search.start()
         self._search.submit(self._search_input())
@@ -138,15 +143,7 @@ class PickSession:
     def close(self) -> None:
         """Save everything and release the project."""
         self.save()
-        self.let_go()
-
-    def let_go(self) -> None:
-        """Release the project without saving."""
-        self._saver.close()
-
-    def find_changed_tables(self) -> tuple[str, ...]:
-        """Return the names of tables that another program changed meanwhile."""
-        return self._saver.find_changed_tables()
+        self.saver.close()
 
     def initial_state(self) -> m.PickingState:
         """Return everything that a page needs at its start."""
@@ -178,7 +175,7 @@ class PickSession:
             "messages": messages_json(
                 (
                     *damaged,
-                    *self._saver.messages,
+                    *self.saver.messages,
                     *inputs.messages,
                     *(posed.messages if posed else ()),
                 )
@@ -213,7 +210,7 @@ class PickSession:
         return found
 
     def _snap(self, asked: c.Snap) -> m.Snapped | m.NotSnapped:
-        photo = self._tiled.pixels(self.index[asked.image])
+        photo = self.tiled.pixels(self.index[asked.image])
         label, expected, match = asked.expected, None, None
         if label and self.state.pick(asked.image, label) is None:
             match = self._search.outcomes.get((asked.image, label))
@@ -239,7 +236,7 @@ class PickSession:
         if after is not before:
             self._try(after.state, final=message.final)  # adjust while the disk is busy
             try:
-                self._saver.record(do, message.step)
+                self.saver.record(do, message.step)
             except OutputError:
                 self._try(before.state, final=True)
                 self._state_version = self.version
@@ -282,7 +279,7 @@ class PickSession:
 
     def inputs_now(self) -> frozenset[str] | None:
         """Return the present digests of the project's files; None while changes are unsaved."""
-        return self._saver.inputs_now(digest.sha256 for digest in self.survey.inputs.digests)
+        return self.saver.inputs_now(digest.sha256 for digest in self.survey.inputs.digests)
 
     def _try(self, state: State, *, final: bool) -> None:
         """Adjust a state under a new version number."""
@@ -291,37 +288,15 @@ class PickSession:
 
     def save(self) -> None:
         """Write the tables, and broadcast the reason if that failed."""
-        fault = self._saver.save(self.state)
+        fault = self.saver.save(self.state)
         if fault:
             log.warning("not saved: %s", fault)
         self.fault = fault
         self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
-    def tile(
-        self, photo: int, level: int, column: int, row: int, tone: Tone | None = None
-    ) -> bytes | None:
-        """Return the JPEG of a tile; None if it does not exist.
-
-        Parameters
-        ----------
-        photo
-            Number of the photo.
-        level
-            0: every pixel; each further one halves the photo's size.
-        column, row
-            Position of the tile on its level, from the top left.
-        tone
-            Brightness curve; None: the photo's own default.
-        """
-        return self._tiled.tile(photo, level, column, row, tone)
-
-    def tones(self, photo: int) -> tuple[Tone, Tone] | None:
-        """Return the default and the stretched brightness curve of a photo; None without photo."""
-        return self._tiled.tones(photo)
-
     def show(self, page: str, photos: tuple[int, ...]) -> None:
         """Note which photos a page shows side by side."""
-        self._tiled.show(page, photos)
+        self.tiled.show(page, photos)
         if photos:  # neighbours in the list were mostly taken nearby
             near = sorted(range(len(self.photos)), key=lambda k: min(abs(k - p) for p in photos))
             self._search.read_ahead([self.photos[k].name for k in near])

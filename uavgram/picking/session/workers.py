@@ -115,7 +115,7 @@ class Task:
     final: bool
 
 
-class AdjustmentWorkers:
+class AdjustmentWorkers(LatestTask[Task]):
     """Workers that adjust the newest state.
 
     Parameters
@@ -133,11 +133,9 @@ class AdjustmentWorkers:
     def __init__(
         self, survey: LiveSurvey, index: dict[str, int], answer: Answer, broadcast: m.Broadcast
     ) -> None:
+        super().__init__({"first order": self._answer_first_order, "adjustment": self._adjust})
         self._survey, self._index, self._answer = survey, index, answer
         self.work = WatchedWork("adjustment", broadcast, HIDDEN_S)
-        self._newest: LatestTask[Task] = LatestTask(
-            {"first order": self._answer_first_order, "adjustment": self._adjust}
-        )
         self._waiting: Task | None = None  # task for the full adjustment
         self._due_s = 0.0  # earliest start of the full adjustment, on the monotonic clock
         self._busy = False
@@ -145,28 +143,20 @@ class AdjustmentWorkers:
         self._answering = threading.Lock()
         self._linearised_task: Task | None = None  # newest task answered to first order
 
-    def start(self) -> None:
-        """Start the workers."""
-        self._newest.start()
-
-    def submit(self, task: Task) -> None:
-        """Adjust this state next; waiting ones are skipped."""
-        self._newest.submit(task)
-
     def stop(self) -> None:
         """Stop the current adjustment, and end."""
         self.work.stop()
-        self._newest.stop()
+        super().stop()
 
     def _answer_first_order(self) -> None:
         """Answer tasks at once if that helps, and pass all on to the full adjustment."""
         task: Task | None = None
-        while (task := self._newest.newer(task)) is not None:
+        while (task := self.newer(task)) is not None:
             rests = self._update_linearly(task) and not task.final
-            with self._newest.changed:
+            with self.changed:
                 self._waiting = task
                 self._due_s = time.monotonic() + (REST_S if rests else 0.0)
-                self._newest.changed.notify_all()
+                self.changed.notify_all()
 
     def _update_linearly(self, task: Task) -> bool:
         """Answer to first order; return False if only the full adjustment applies."""
@@ -210,29 +200,28 @@ class AdjustmentWorkers:
                 self._busy = False
 
     def _due(self) -> Task | None:
-        newest = self._newest
-        with newest.changed:
-            while not newest.is_over:
+        with self.changed:
+            while not self.is_over:
                 left_s = self._due_s - time.monotonic()
-                if self._waiting is None or self._waiting is not newest.task:
-                    newest.changed.wait()
+                if self._waiting is None or self._waiting is not self.task:
+                    self.changed.wait()
                 elif left_s > 0:
-                    newest.changed.wait(left_s)
+                    self.changed.wait(left_s)
                 else:
                     task, self._waiting, self._busy = self._waiting, None, True
                     return task
         return None
 
-    def _is_outdated(self, task: Task) -> bool:
+    def is_outdated(self, task: Task) -> bool:
         """Return whether a later step has ended; one that continues waits for this adjustment."""
-        newest = self._newest.task
+        newest = self.task
         return newest is not None and newest.final and newest.version > task.version
 
     def _full(self, task: Task) -> tuple[LiveAdjustment | None, m.Adjusted | m.Unadjusted]:
         try:
             observed = collect_observations(task.state)
             adjusted = self.work.run(
-                lambda: self._survey.adjust(observed), lambda: self._is_outdated(task)
+                lambda: self._survey.adjust(observed), lambda: self.is_outdated(task)
             )
             return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:

@@ -129,12 +129,12 @@ class Files:
             page, photos = shown.groups()
             self._project.picking.show(page, tuple(map(int, photos.split(","))))
         photo, level, *place = (request.path_params[key] for key in _TILE)
-        make = self._project.picking.tile
+        make = self._project.picking.tiled.tile
         return await self._picture(make, photo, level, *place, tone, is_kept=level >= FIRST_COARSE)
 
     async def tones(self, request: Request) -> Response:
         """Serve the default and the stretched brightness curve of a photo."""
-        make, photo = self._project.picking.tones, request.path_params["photo"]
+        make, photo = self._project.picking.tiled.tones, request.path_params["photo"]
         try:
             tones = await to_thread.run_sync(make, photo)
         except UavgramError as why:

@@ -361,7 +361,7 @@ class ProjectHost:
     def let_go(self) -> None:
         """Release a project that was never shown."""
         if self.pick is not None:
-            self.pick.picking.let_go()
+            self.pick.picking.saver.close()
 
     async def _beginning(self, _: Request) -> Response:
         return await _answer(self.door.beginning)
