@@ -30,7 +30,7 @@ MADE = {
         kind.misfit_code for kind in KINDS.values()
     },
     "stages/refine/remarks.py: f'{removal.kind}-removed'": {f"{k}-removed" for k in KINDS_REMOVED},
-    "stages/seed/fault_effects.py: f'log-{code}'": {f"log-{kind}" for kind in get_args(FaultKind)},
+    "stages/seed/log_faults.py: f'log-{code}'": {f"log-{kind}" for kind in get_args(FaultKind)},
 }
 """Codes that no rule below finds: where, and all that it can be."""
 

@@ -33,8 +33,7 @@ from uavgram.picking.document.state import Line, Pick, State
 from uavgram.picking.session import point_search as module
 from uavgram.picking.session.point_search import OFF_GROUND, PickedTargets, PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable
-from uavgram.picking.session.watched_work import WatchedWork
-from uavgram.picking.session.workers import collect_observations
+from uavgram.picking.session.workers import WatchedWork, collect_observations
 from uavgram.pipeline.match import search as search_module
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.stages.match import (

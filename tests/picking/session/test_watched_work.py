@@ -11,7 +11,7 @@ from uavgram.errors import UavgramError
 from uavgram.model.work import report_work
 from uavgram.picking.document.commands import RefusedError
 from uavgram.picking.protocol import messages as m
-from uavgram.picking.session.watched_work import WatchedWork
+from uavgram.picking.session.workers import WatchedWork
 
 
 @pytest.fixture

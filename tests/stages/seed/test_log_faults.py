@@ -17,8 +17,7 @@ from uavgram.model.flight_log import Boot, FlightEvidence, LogFault, Track
 from uavgram.model.frames import Frames
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed import seed
-from uavgram.stages.seed.fault_effects import free_priors, report_faults
-from uavgram.stages.seed.log_faults import find_faults
+from uavgram.stages.seed.log_faults import find_faults, free_priors, report_faults
 from uavgram.stages.seed.track import build_track, gather_evidence
 
 RATE_HZ, SPAN_S = 10.0, 60.0

@@ -30,8 +30,7 @@ from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair, source_of
 from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.session.proposal_table import ProposalTable
-from uavgram.picking.session.watched_work import StoppedError, WatchedWork
-from uavgram.picking.session.workers import LatestTask
+from uavgram.picking.session.workers import LatestTask, StoppedError, WatchedWork
 from uavgram.pipeline.match.height_evidence import collect_height_evidence
 from uavgram.pipeline.match.places_by_features import FeaturePlaces
 from uavgram.pipeline.match.search import search_places

@@ -20,7 +20,7 @@ from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.calibration_job import CalibrationJob
 from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.session.watched_work import WatchedWork
+from uavgram.picking.session.workers import WatchedWork
 from uavgram.picking.storage.journal import Changes, SetAside, find_oldest, list_changes
 from uavgram.picking.storage.tables import FileWatch, Tables
 from uavgram.pipeline.calibrate import use_camera

@@ -23,8 +23,7 @@ from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.session.point_search import PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable, Tell
-from uavgram.picking.session.watched_work import HIDDEN_S, WatchedWork
-from uavgram.picking.session.workers import LatestTask
+from uavgram.picking.session.workers import HIDDEN_S, LatestTask, WatchedWork
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.targets import list_named_points

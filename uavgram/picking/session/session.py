@@ -42,8 +42,7 @@ from uavgram.picking.protocol.messages import Json
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
 from uavgram.picking.session.point_search import SearchInput
 from uavgram.picking.session.searches import Searches
-from uavgram.picking.session.watched_work import WatchedWork
-from uavgram.picking.session.workers import AdjustmentWorkers, Task
+from uavgram.picking.session.workers import AdjustmentWorkers, Task, WatchedWork
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.pick.places import predict_known_places, predict_place

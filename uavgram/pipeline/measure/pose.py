@@ -42,8 +42,7 @@ from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
 from uavgram.stages.seed import seed
-from uavgram.stages.seed.fault_effects import report_faults
-from uavgram.stages.seed.log_faults import find_faults
+from uavgram.stages.seed.log_faults import find_faults, report_faults
 from uavgram.stages.seed.photo_exposures import (
     DEFAULT_HEIGHT_M,
     compute_positions,

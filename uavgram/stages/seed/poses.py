@@ -19,7 +19,7 @@ from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA, hat, matrix_fro
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Flight, Frames, PhotoExposures, Poses, Telemetry, TelemetryPrior
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.fault_effects import Faults, find_unsure_s, free_priors
+from uavgram.stages.seed.log_faults import Faults, find_unsure_s, free_priors
 
 STEADY_CLOCK = 1e-9
 """Drift sigma of a flight's own instants: an unknown needs one, and no quartz is better."""
