@@ -11,7 +11,7 @@ from uavgram.model.observations import Source
 from uavgram.model.result.reliability import Noise, PickNoise
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud, TieSummary
-from uavgram.views.survey.outlines import is_in_photo, project_from
+from uavgram.views.survey.outlines import project_from
 
 TIES = 400
 
@@ -66,7 +66,7 @@ def tie_cloud(result: Result) -> TieCloud:
     frames, pixels = [], []
     for frame in np.flatnonzero(result.has_refined).tolist():
         pixel = project_from(result, row_poses(result, frame), world)
-        shown = np.flatnonzero(is_in_photo(result, pixel))
+        shown = np.flatnonzero(result.camera.is_in_photo(pixel))
         frames.append(np.full(len(shown), frame))
         pixels.append(pixel[shown])
     return TieCloud(

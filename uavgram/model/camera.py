@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, FrozenArrays, freeze
+from uavgram.model.arrays import Bools, Floats, FrozenArrays, freeze
 from uavgram.model.provenance import InputDigest
 
 TABLE_SIGMA_S = 0.005
@@ -323,6 +323,21 @@ class Calibration:
     def parameter_names(self) -> tuple[str, ...]:
         """(P,) names of the parameters."""
         return parameter_names(self.model, len(self.parameters))
+
+    def is_in_photo(self, pixel_px: Floats, beyond_px: Floats | float = 0.0) -> Bools:
+        """Mark pixels (..., 2) inside the photo, or beyond its edge by a distance; NaN is outside.
+
+        Parameters
+        ----------
+        pixel_px
+            (..., 2) u and v.
+        beyond_px
+            Distance from the edge; negative: inside the photo by at least this.
+        """
+        size = np.array([self.width_px, self.height_px])
+        with np.errstate(invalid="ignore"):
+            inside = (pixel_px >= -0.5 - beyond_px) & (pixel_px <= size - 0.5 + beyond_px)
+        return np.asarray(inside.all(axis=-1))
 
 
 def correlation_of(covariance: Floats) -> Floats:

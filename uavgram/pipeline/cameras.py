@@ -27,7 +27,7 @@ from uavgram.model.camera import (
 from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.pipeline.versions import stamp
-from uavgram.stages.camera import REMEDY, assume_camera, find_camera
+from uavgram.stages.camera import REMEDY, assume_camera, find_camera, make_key
 
 
 def assume_drone_camera(name: str) -> Calibration | None:
@@ -43,9 +43,9 @@ def assume_drone_camera(name: str) -> Calibration | None:
         for camera in cameras.read_drone_cameras()
         if camera.make_model in ORDINARY_EQUIVALENTS_MM and not camera.is_thermal
     ]
-    wanted = _key(name)
-    named = [one for one in known if wanted == _key(one.make_model)] or [
-        one for one in known if wanted and wanted in _key(one.comment)
+    wanted = make_key(name)
+    named = [one for one in known if wanted == make_key(one.make_model)] or [
+        one for one in known if wanted and wanted in make_key(one.comment)
     ]
     if not named:
         return None
@@ -59,10 +59,6 @@ def assume_drone_camera(name: str) -> Calibration | None:
         focal_35mm_mm=ORDINARY_EQUIVALENTS_MM[camera.make_model],
     )
     return assume_camera(tags, cameras.read_drone_cameras())[0]
-
-
-def _key(name: str) -> str:
-    return "".join(name.split()).casefold()
 
 
 CameraFormat = Literal["uavgram", "opencv", "colmap"]

@@ -212,12 +212,13 @@ def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | N
 
 def find_camera(tags: CameraTags, table: tuple[DroneCamera, ...]) -> DroneCamera | None:
     """Find a photo's camera in the table; of a colour and a thermal one, the nearer in size."""
-    name = _key(tags.make + tags.model)
-    named = [camera for camera in table if name and _key(camera.make_model) == name]
+    name = make_key(tags.make + tags.model)
+    named = [camera for camera in table if name and make_key(camera.make_model) == name]
     return min(named, key=lambda c: abs(math.log(c.width_px / tags.width_px)), default=None)
 
 
-def _key(name: str) -> str:
+def make_key(name: str) -> str:
+    """Return the letters of a camera's name, without spaces and case."""
     return "".join(name.split()).casefold()
 
 

@@ -33,10 +33,7 @@ def is_inside(camera: Calibration, pixel_px: Floats, room_px: Floats | float = 0
     room_px
         (..., 2) additional distance from the edge.
     """
-    low = EDGE_PX + room_px
-    high = np.array([camera.width_px, camera.height_px]) - 1.0 - EDGE_PX - room_px
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.all((pixel_px > low) & (pixel_px < high), axis=-1))
+    return camera.is_in_photo(pixel_px, -(EDGE_PX + 0.5 + room_px))
 
 
 def find_large_plates(corner_px: Floats) -> Bools:

@@ -47,7 +47,7 @@ def test_lines_are_bent_as_opencv_bends_them() -> None:
     strip = outlines.sample_polyline(result.points.position_world_m[[8, 9]])
     ours = outlines.project_from(result, row_poses(result, frame), strip)
     theirs = survey.project(center, rotation, strip)
-    seen = outlines.is_in_photo(result, theirs)
+    seen = result.camera.is_in_photo(theirs)
 
     assert seen.any()
     np.testing.assert_allclose(ours[seen], theirs[seen], atol=1e-9)

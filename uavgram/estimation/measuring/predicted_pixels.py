@@ -36,7 +36,7 @@ from uavgram.geometry.motion.camera_motion import (
     predict_pose,
 )
 from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.model.arrays import Bools, Floats, Ints, rows_of
+from uavgram.model.arrays import Floats, Ints, rows_of
 from uavgram.model.camera import Calibration
 from uavgram.model.flight_log import Track
 from uavgram.model.frames import Flight, Poses, TelemetryPrior
@@ -135,7 +135,7 @@ def _predict_in_adjusted(adjustment: Adjustment) -> PixelRows:
     poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
     parameters = adjustment.problem.intrinsics(state)
     place = project_rows(survey.calibration, parameters, poses, world)
-    shown = is_in_photo(survey.calibration, place)
+    shown = survey.calibration.is_in_photo(place)
     return predict_rows(adjustment, frame[shown], label[shown])
 
 
@@ -236,7 +236,7 @@ def _predict_in_others(
     poses = RowPoses(center[frame], rotation[frame], sweep[frame])
     parameters = adjustment.problem.intrinsics(state)
     place = project_rows(survey.calibration, parameters, poses, world)
-    shown = is_in_photo(survey.calibration, place)
+    shown = survey.calibration.is_in_photo(place)
     frame, label, world = frame[shown], label[shown], world[shown]
     poses = RowPoses(*(part[shown] for part in poses))
     share = compute_row_share(place[shown, 1], survey.calibration.height_px)
@@ -272,13 +272,6 @@ def _predict_in_others(
     # The telemetry's own error of each frame, by the pose.
     own = d_pose @ np.linalg.cholesky(prior.covariance[rows])[frame]
     return PixelRows(tuple(chosen[f] for f in frame), label, pixel, jacobian, columns, own)
-
-
-def is_in_photo(camera: Calibration, pixel_px: Floats) -> Bools:
-    """Mark (N,) the pixels (N, 2) inside the image; NaN is outside."""
-    size = np.array([camera.width_px, camera.height_px])
-    with np.errstate(invalid="ignore"):
-        return np.asarray(((pixel_px >= -0.5) & (pixel_px <= size - 0.5)).all(axis=1))
 
 
 class KnownPixels(NamedTuple):
@@ -322,7 +315,7 @@ def predict_known_points(
     center, rotation = poses.center_world_m, poses.world_from_camera
     of_rows = RowPoses(center[pose], rotation[pose], sweep[pose])
     place = project_rows(calibration, calibration.parameters, of_rows, world_m[point])
-    shown = np.flatnonzero(is_in_photo(calibration, place))
+    shown = np.flatnonzero(calibration.is_in_photo(place))
     pose, point = pose[shown], point[shown]
     of_row, turn = of_rows.at(compute_row_share(place[:, 1], calibration.height_px))
     from_world = np.swapaxes(rotation[pose] @ exp_so3(turn[shown]), 1, 2)

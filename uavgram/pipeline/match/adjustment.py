@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.first_values import find_seen_labels
 from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import (
@@ -35,7 +34,7 @@ from uavgram.stages.ground_consensus import UNKNOWN_SIGMA_M, find_ground_points
 from uavgram.stages.match import CONTRADICTED, REGION_SQUARED, Found, Pair
 from uavgram.stages.refine.first_values import cost_with_lost
 from uavgram.stages.refine.minima import Participants, find_best_minima
-from uavgram.stages.refine.off_ground import set_free_heights
+from uavgram.stages.refine.off_ground import count_photos, set_free_heights
 from uavgram.stages.refine.readjustment import readjust
 from uavgram.stages.refine.tie_outliers import remove_wrong_ties
 from uavgram.stages.refine.tied_frames import add_tied_frames
@@ -207,7 +206,7 @@ class BaseAdjustment:
         picks, survey = self.inputs.picks, tried.adjustment.survey
         free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
         height = compute_heights_at(tried.adjustment, tried.adjustment.state)
-        photos = _photos_of_labels(survey)
+        photos = count_photos(survey)
         alone = {
             name
             for name, count in zip(survey.label, photos, strict=True)
@@ -284,7 +283,7 @@ class BaseAdjustment:
             replace(ground, roughness_sigma_m=max(ground.roughness_sigma_m, MIN_ROUGHNESS_M))
             for ground in survey.grounds
         )
-        alone = survey.is_free & (_photos_of_labels(survey) < 2)
+        alone = survey.is_free & (count_photos(survey) < 2)
         height, sigma = RAISED_M
         if survey.telemetry is None:  # keep poses by ties
             survey = replace(survey, candidate_poses=refined.adjustment.survey.candidate_poses)
@@ -387,9 +386,7 @@ def mark_sound_clicks(taking: Participants, blank: Collection[str]) -> Bools:
 def _mark_unsure(taking: Participants, blank: Collection[str]) -> Bools:
     """Mark labels (K,) of unknown height that several photos show."""
     seen = select_picks(taking.survey, taking.keep).survey
-    shown = {
-        name for name, count in zip(seen.label, _photos_of_labels(seen), strict=True) if count > 1
-    }
+    shown = {name for name, count in zip(seen.label, count_photos(seen), strict=True) if count > 1}
     return np.isin(taking.survey.label, sorted(shown & set(blank)))
 
 
@@ -466,11 +463,6 @@ def _mark_repeated(survey: Survey, labels: Bools) -> Bools:
 
 def _mark_manual(picks: Picks) -> Picks:
     return picks.where(~picks.of_source("match"))
-
-
-def _photos_of_labels(survey: Survey) -> Ints:
-    """Count the photos (K,) of each label, matches included."""
-    return np.bincount(find_seen_labels(survey)[1], minlength=len(survey.label))
 
 
 def _is_found(survey: Survey, picks: Picks) -> Bools:

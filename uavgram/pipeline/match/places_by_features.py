@@ -18,7 +18,6 @@ from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.ties import Features, read_features
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import Calibration
 from uavgram.model.observations import Picks
 from uavgram.model.work import report_work
 from uavgram.pipeline.measure.inputs import Inputs
@@ -144,7 +143,7 @@ class FeaturePlaces:
                 i: one
                 for i, one in maps.items()
                 if compute_radii(one.covariance_px2[None])[0] <= far
-                and _is_inside(calibration, one.pixel_px)
+                and calibration.is_in_photo(one.pixel_px)
             }
         taken, n = list(maps), len(maps)
         found = TransferredPixels(
@@ -176,8 +175,3 @@ class FeaturePlaces:
 
 def _size_bytes(features: Features) -> int:
     return features.pixel_px.nbytes + features.size_px.nbytes + features.descriptor.nbytes
-
-
-def _is_inside(calibration: Calibration, pixel_px: Floats) -> bool:
-    u, v = pixel_px.tolist()
-    return bool(0.0 <= u < calibration.width_px and 0.0 <= v < calibration.height_px)

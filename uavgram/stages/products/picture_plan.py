@@ -134,8 +134,7 @@ def _project_adjusted_points(result: Result, frame: int, rows: Ints) -> dict[str
         row_poses(result, frame),
         result.points.position_world_m[rows],
     )
-    size = np.array([result.camera.width_px, result.camera.height_px])
-    inside = ((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=1)
+    inside = result.camera.is_in_photo(pixel)
     return {result.points.label[rows[k]]: pixel[k] for k in np.flatnonzero(inside)}
 
 

@@ -439,14 +439,14 @@ def _residuals(
         (
             "from_flight_log",
             picks.seed_px,
-            where(outlines.is_in_photo(result, picks.seed_px)),
+            where(result.camera.is_in_photo(picks.seed_px)),
             style.SEED,
             3.0,
         ),
         (
             "from_refined",
             picks.refined_px,
-            where(outlines.is_in_photo(result, picks.refined_px)),
+            where(result.camera.is_in_photo(picks.refined_px)),
             style.REFINED,
             2.5,
         ),

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, row_poses
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
 
@@ -126,12 +126,6 @@ def longest_middle(strip: Floats) -> Floats:
     return np.asarray((starts[longest] + ends[longest]) / 2, dtype=np.float64)
 
 
-def is_in_photo(result: Result, pixel: Floats) -> Bools:
-    """Mark (...) the (..., 2) pixels within the photo; NaN is outside."""
-    size = np.array([result.camera.width_px, result.camera.height_px])
-    return np.asarray(((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=-1), dtype=np.bool_)
-
-
 def project_from(
     result: Result,
     poses: RowPoses,
@@ -154,7 +148,7 @@ def project_from(
     """
     lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
     pixel = project_rows(result.camera, lens, poses, points_m)
-    return np.where(is_in_photo(result, pixel)[..., None], pixel, np.nan)
+    return np.where(result.camera.is_in_photo(pixel)[..., None], pixel, np.nan)
 
 
 def project_polylines(result: Result, frame: int, strips: Sequence[Floats]) -> list[Floats]:
