@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.sightings import compute_motion
 from uavgram.geometry.ground.top_view import FrameCovariance, View, compute_place_sigma
 from uavgram.imaging.photos.preview import Pixels, Tone, apply_tone, choose_tone
-from uavgram.imaging.top_view.mosaic import draw_map_sheet
 from uavgram.io.exports.geotiff import (
     WINDOW_PX,
     read_reduced,
@@ -33,7 +31,7 @@ from uavgram.pipeline.threads import limit_blas_threads
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
 from uavgram.views.formatting import BRIGHTENED
-from uavgram.views.units import convert_sentence, round_bar, units_of
+from uavgram.views.units import convert_sentence, units_of
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000
@@ -91,6 +89,8 @@ def rectify(
     UavgramError
         A problem that the user can solve. Earlier files are untouched.
     """
+    from uavgram.views.survey.figure import draw_map_sheet  # noqa: PLC0415 - loads matplotlib
+
     inputs = read_inputs(Path(project))
     computed = compute(inputs, curved=False)
     view = choose_view(computed.result, frame)
@@ -109,10 +109,9 @@ def rectify(
         write_float_geotiff(coarse, {"sigma_m": sigma}, tags | _SIGMA_TAGS, staging / SIGMA)
         picture = read_reduced(staging / PICTURE, SHEET_PX)
         pixel = raster.pixel_m * raster.width / picture.shape[1]
-        bar = partial(round_bar, units=inputs.project.units)
         shown, tone = _render_for_display(picture)
         caption = _caption(view, raster) + ("" if tone.is_identity else f", {BRIGHTENED}")
-        sheet = draw_map_sheet(shown, pixel, caption, SHEET_PX, bar)
+        sheet = draw_map_sheet(shown, pixel, caption, inputs.project.units)
         (staging / SHEET).write_bytes(sheet)
     return TopViewOutput(
         folder=folder.absolute(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from functools import lru_cache
 
 import numpy as np
@@ -12,8 +13,11 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.textpath import TextPath
 
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.naming import Units
 from uavgram.views.survey.drawing import Drawing, Look, Shapes
 from uavgram.views.survey.text_placement import ASIDE, PlacedText
+from uavgram.views.units import round_bar
 
 MM_OF_POINT = 25.4 / 72.0
 SMALLER = 0.87
@@ -31,6 +35,42 @@ def draw_figure(drawing: Drawing) -> Figure:
     figure = Figure(figsize=(drawing.width / 25.4, drawing.height / 25.4))
     draw_in_axes(drawing, figure.add_axes((0.0, 0.0, 1.0, 1.0)), 1.0)
     return figure
+
+
+LEAST_WIDTH_PX = 480
+"""Least width: narrower top views get a margin, so that scale bar and arrow fit."""
+
+FOOT = 70.0
+"""Height below a top view, in units of the letters: for the scale bar and the caption."""
+
+
+def draw_map_sheet(rgba: Pixels, pixel_m: float, caption: str, units: Units) -> bytes:
+    """Draw a north-up picture with north arrow, scale bar and caption; return a PNG.
+
+    Parameters
+    ----------
+    rgba
+        (H, W, 4).
+    pixel_m
+        Edge of a pixel.
+    caption
+        One line.
+    units
+        Units of the scale bar.
+    """
+    height, width = rgba.shape[:2]
+    wide = max(width, LEAST_WIDTH_PX)
+    unit = wide / 720.0
+    drawing = Drawing("Top view, to scale", wide, height + FOOT * unit, unit=unit)
+    white = np.where(rgba[..., 3:] > 0, rgba[..., :3], 255).astype(np.uint8)
+    drawing.image(np.zeros(2), np.array([width, height], np.float64), white)
+    bar_m, text = round_bar(0.25 * wide * pixel_m, units)
+    drawing.scale_bar(24.0 * unit, height + 18.0 * unit, bar_m / pixel_m, text)
+    drawing.write((24.0 * unit, height + 58.0 * unit), caption, side=-1)
+    drawing.compass(patch=0.8)
+    stored = io.BytesIO()
+    draw_figure(drawing).savefig(stored, format="png", dpi=25.4, pil_kwargs={"compress_level": 1})
+    return stored.getvalue()
 
 
 def draw_in_axes(drawing: Drawing, axes: Axes, mm: float) -> None:
