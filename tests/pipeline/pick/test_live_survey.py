@@ -138,8 +138,8 @@ def test_predictions_hold_the_picks_that_were_left_out(
     out = np.zeros(len(observed.picks.image), dtype=bool)
     out[rng.choice(len(out), 30, replace=False)] = True
     found = live.adjust(only(observed, ~out))
-    predicted, label = found.predicted, found.adjustment.survey.label
-    at = {(frame, label[predicted.label[k]]): k for k, frame in enumerate(predicted.frame_id)}
+    predicted = found.predicted
+    at = {key: k for k, key in enumerate(zip(predicted.frame_id, predicted.label, strict=True))}
     squared = []
     for i in np.flatnonzero(out):
         k = at.get((observed.picks.image[i], observed.picks.label[i]))
@@ -167,10 +167,9 @@ def test_a_photo_without_picks_is_predicted_as_if_its_picks_said_nothing(
         for n, (f, k) in enumerate(zip(survey_in.pick_frame, survey_in.pick_label, strict=True))
         if survey_in.frame_id[f] == "IMG_0047.jpg"
     }
-    label = without.adjustment.survey.label
     compared = 0
     for k, frame in enumerate(without.predicted.frame_id):
-        name = label[without.predicted.label[k]]
+        name = without.predicted.label[k]
         if frame != "IMG_0047.jpg" or name not in place:
             continue
         n = place[name]

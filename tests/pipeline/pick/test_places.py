@@ -16,6 +16,7 @@ from planned_sample import sample_plan, sample_plates
 from scipy.stats import chi2
 
 from uavgram.errors import InputError
+from uavgram.estimation.measuring.predicted_pixels import PredictedPixels
 from uavgram.io.results.command_json import write_plan
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownPoints
@@ -25,7 +26,6 @@ from uavgram.picking.session.workers import collect_observations
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
 from uavgram.pipeline.pick.places import (
-    KnownPlaces,
     predict_known_places,
     predict_places,
     predict_planned_places,
@@ -53,7 +53,7 @@ def survey(data_dir: Path) -> LiveSurvey:
     return LiveSurvey(replace(live.inputs, check=known))
 
 
-def standardised(survey: LiveSurvey, places: KnownPlaces) -> Floats:
+def standardised(survey: LiveSurvey, places: PredictedPixels) -> Floats:
     """Squared distances of picks from where they were expected, in their covariances."""
     picks = survey.inputs.picks
     row = {key: k for k, key in enumerate(zip(picks.image, picks.label, strict=True))}

@@ -47,13 +47,10 @@ PAIRS_AT_ONCE = 500
 
 @dataclass(frozen=True, eq=False)
 class PredictedPixels:
-    """N pairs of photo and label with the pixel (N, 2) and its covariance (N, 2, 2) [px^2].
-
-    `label` is the index among the adjustment's labels.
-    """
+    """N pairs of photo and label with the pixel (N, 2) and its covariance (N, 2, 2) [px^2]."""
 
     frame_id: tuple[str, ...]
-    label: Ints
+    label: tuple[str, ...]
     pixel_px: Floats
     covariance_px2: Floats
 
@@ -88,11 +85,6 @@ class PixelRows:
         own = self.own @ np.swapaxes(self.own, 1, 2)
         return np.asarray(own + propagate_pairs(adjustment, self.columns, self.jacobian))
 
-    def predicted(self, adjustment: Adjustment) -> PredictedPixels:
-        """Return the pixels with their covariances."""
-        covariance = self.covariance(adjustment)
-        return PredictedPixels(self.frame_id, self.label, self.pixel_px, covariance)
-
 
 FlightOfPhotos = tuple[TelemetryPrior, Flight, tuple[str, ...]]
 """Prior, flight and frame names of all photos with telemetry."""
@@ -108,12 +100,12 @@ def predict_unpicked(adjustment: Adjustment, flight: FlightOfPhotos | None) -> P
     flight
         Prior, flight and frame names of all photos with telemetry, for those without a pick.
     """
-    parts = [rows.predicted(adjustment) for rows in compute_unpicked_rows(adjustment, flight)]
+    parts, names = compute_unpicked_rows(adjustment, flight), adjustment.survey.label
     return PredictedPixels(
         tuple(name for part in parts for name in part.frame_id),
-        np.concatenate([part.label for part in parts]),
+        tuple(names[k] for part in parts for k in part.label),
         np.concatenate([part.pixel_px for part in parts]),
-        np.concatenate([part.covariance_px2 for part in parts]),
+        np.concatenate([part.covariance(adjustment) for part in parts]),
     )
 
 

@@ -21,7 +21,6 @@ from uavgram.picking.document.state import State
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.ways_on_page import name_on_page
 from uavgram.pipeline.pick.live_survey import LiveAdjustment
-from uavgram.pipeline.pick.places import KnownPlaces
 from uavgram.views.units import (
     convert_sentence,
     format_fixed,
@@ -55,30 +54,18 @@ def numbers(values: Iterable[float], digits: int = _DIGITS) -> list[float | None
     return [number(value, digits) for value in values]
 
 
-def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[m.Predicted]:
-    """Return the expected places of points with known coordinates."""
-    return places_json(places.frame_id, places.label, places, index)
-
-
-def places_json(
-    frames: Sequence[str],
-    labels: Sequence[str],
-    places: KnownPlaces | PredictedPixels,
-    index: Mapping[str, int],
-) -> list[m.Predicted]:
+def places_json(places: PredictedPixels, index: Mapping[str, int]) -> list[m.Predicted]:
     """Return labels in photos in which they are not picked, with error ellipses.
 
     Parameters
     ----------
-    frames, labels
-        (n,) names of the photos, and labels of the points.
     places
         Pixels with covariances.
     index
         Numbers of the photos by name.
     """
     pixels = places.pixel_px.round(3).tolist()
-    rows = zip(frames, labels, pixels, places.covariance_px2, strict=True)
+    rows = zip(places.frame_id, places.label, pixels, places.covariance_px2, strict=True)
     return [
         {
             "image": index[frame],

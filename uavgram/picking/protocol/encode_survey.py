@@ -113,12 +113,7 @@ def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> m.Adjus
         "verdict": verdict_json(result, adjusted.observed.lines, index),
         "points": _points(adjusted),
         "picks": _picks(adjusted, index),
-        "predicted": places_json(
-            adjusted.predicted.frame_id,
-            [adjusted.adjustment.survey.label[k] for k in adjusted.predicted.label],
-            adjusted.predicted,
-            index,
-        ),
+        "predicted": places_json(adjusted.predicted, index),
         "lines": _lines(adjusted),
         "measurements": _measurements(adjusted),
         "checks": _checks(adjusted),

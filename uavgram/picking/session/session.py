@@ -32,7 +32,7 @@ from uavgram.picking.protocol.encode_answers import (
     snap_json,
     ties_json,
 )
-from uavgram.picking.protocol.encode_quantities import expected_json
+from uavgram.picking.protocol.encode_quantities import places_json
 from uavgram.picking.protocol.encode_survey import (
     difference_json,
     messages_json,
@@ -312,7 +312,7 @@ class PickSession:
         }
 
     def _predict_places(self) -> list[m.Predicted]:
-        return expected_json(predict_known_places(self.survey, self._live.last), self.index)
+        return places_json(predict_known_places(self.survey, self._live.last), self.index)
 
     def _sought(self, outcomes: Outcomes, labels: Collection[str], searched: int) -> None:
         fields = proposals_json(outcomes, self.index, labels, searched)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.measuring.predicted_pixels import predict_known_points
+from uavgram.estimation.measuring.predicted_pixels import PredictedPixels, predict_known_points
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
@@ -77,16 +76,6 @@ def find_same_ground(
         return pixel[:, 0], np.sqrt(np.abs(np.linalg.det(along)))
 
 
-@dataclass(frozen=True, eq=False)
-class KnownPlaces:
-    """N pairs of photo and label with the pixel (N, 2) and its covariance (N, 2, 2) [px^2]."""
-
-    frame_id: tuple[str, ...]
-    label: tuple[str, ...]
-    pixel_px: Floats
-    covariance_px2: Floats
-
-
 class ExpectedPlace(NamedTuple):
     """Predicted place of one label: the pixel (2,) and its covariance (2, 2) [px^2]."""
 
@@ -94,11 +83,11 @@ class ExpectedPlace(NamedTuple):
     covariance_px2: Floats
 
 
-NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
+NOWHERE = PredictedPixels((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
 
 
 @limit_blas_threads
-def predict_known_places(survey: LiveSurvey, last: LiveAdjustment | None) -> KnownPlaces:
+def predict_known_places(survey: LiveSurvey, last: LiveAdjustment | None) -> PredictedPixels:
     """Predict pixels of control, check and planned points in the photos that show them.
 
     Parameters
@@ -121,7 +110,7 @@ def predict_known_places(survey: LiveSurvey, last: LiveAdjustment | None) -> Kno
     world = np.concatenate([table.world_m for table in tables])
     sigma = np.concatenate([table.sigma_m for table in tables])
     found = predict_known_points(survey.inputs.calibration, poses, sweep, (world, sigma))
-    return KnownPlaces(
+    return PredictedPixels(
         tuple(poses.frame_id[k] for k in found.pose),
         tuple(label[k] for k in found.point),
         found.pixel_px,
@@ -141,15 +130,11 @@ def predict_place(
     image, label
         The photo, and the label.
     """
-    if last is not None:
-        found, names = last.predicted, last.adjustment.survey.label
-        for k, (frame, row) in enumerate(zip(found.frame_id, found.label.tolist(), strict=True)):
-            if (frame, names[row]) == (image, label):
-                return ExpectedPlace(found.pixel_px[k], found.covariance_px2[k])
     known = predict_known_places(survey, last)
-    for k, key in enumerate(zip(known.frame_id, known.label, strict=True)):
-        if key == (image, label):
-            return ExpectedPlace(known.pixel_px[k], known.covariance_px2[k])
+    for places in (known,) if last is None else (last.predicted, known):
+        for k, key in enumerate(zip(places.frame_id, places.label, strict=True)):
+            if key == (image, label):
+                return ExpectedPlace(places.pixel_px[k], places.covariance_px2[k])
     return None
 
 
