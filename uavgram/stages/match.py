@@ -14,13 +14,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
 from uavgram.estimation.measuring.predicted_pixels import TransferredPixels
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 from uavgram.model.observations import Picks
 from uavgram.stages.ground_consensus import RAISED_HEIGHTS_M
 
@@ -244,10 +245,10 @@ class Candidates:
     """
 
     places: TransferredPixels
-    pair: tuple[Pair, ...]
-    pick: Ints
-    is_raised: Bools
-    is_alone: Bools
+    pair: Annotated[tuple[Pair, ...], "n"]
+    pick: Annotated[Ints, "n"]
+    is_raised: Annotated[Bools, "n"]
+    is_alone: Annotated[Bools, "n"]
     adjustment: Adjustment | None = None
 
     @cached_property
@@ -257,14 +258,7 @@ class Candidates:
 
     def select(self, rows: Ints) -> Candidates:
         """Select some places by their rows."""
-        return Candidates(
-            self.places.select(rows),
-            tuple(self.pair[row] for row in rows),
-            self.pick[rows],
-            self.is_raised[rows],
-            self.is_alone[rows],
-            self.adjustment,
-        )
+        return replace(self, places=self.places.select(rows), **rows_of(self, rows))
 
     def holds(self, row: int, pixel_px: tuple[float, float], sigma_px: float = MIN_PX) -> bool:
         """Return whether a pixel is in the 99.9 % region of a place.

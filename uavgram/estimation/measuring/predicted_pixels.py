@@ -15,8 +15,8 @@ cancels, and errors that both poses share nearly cancel. The error of its height
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -328,10 +328,6 @@ MIN_DETERMINANT = 1e-9
 """Determinant [px^2/m^2] below which a photo sees the ground edge-on."""
 
 
-ARRAYS = ("click", "pixel_px", "covariance_px2", "affine", "rise", "jacobian", "columns", "own")
-"""Fields of `TransferredPixels` with a row for each place."""
-
-
 @dataclass(frozen=True, eq=False)
 class PickedPixels:
     """Picks of m pixels (m, 2), each in a frame (m,) and of a label (m,) of the adjustment."""
@@ -365,20 +361,19 @@ class TransferredPixels:
         adjusted.
     """
 
-    click: Ints
-    frame_id: tuple[str, ...]
-    pixel_px: Floats
-    covariance_px2: Floats
-    affine: Floats
-    rise: Floats
-    jacobian: Floats
-    columns: Ints
-    own: Floats
+    click: Annotated[Ints, "n"]
+    frame_id: Annotated[tuple[str, ...], "n"]
+    pixel_px: Annotated[Floats, "n", 2]
+    covariance_px2: Annotated[Floats, "n", 2, 2]
+    affine: Annotated[Floats, "n", 2, 2]
+    rise: Annotated[Floats, "n", 2]
+    jacobian: Annotated[Floats, "n", 2, "k"]
+    columns: Annotated[Ints, "n", "k"]
+    own: Annotated[Floats, "n", 2, 6]
 
     def select(self, rows: Ints) -> TransferredPixels:
         """Select some places (m,)."""
-        columns = {name: getattr(self, name)[rows] for name in ARRAYS}
-        return TransferredPixels(frame_id=tuple(self.frame_id[k] for k in rows), **columns)
+        return replace(self, **rows_of(self, rows))
 
     def joint_covariance(self, adjustment: Adjustment, rows: Ints) -> Floats:
         """Compute the joint covariance (2 m, 2 m) of some places in one other photo."""
@@ -411,8 +406,9 @@ def transfer_pixels(
     ]
     width = max(part.columns.shape[1] for part in parts)
     parts = [_pad(part, width) for part in parts]
+    arrays = {one.name for one in fields(TransferredPixels)} - {"frame_id"}
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
     names = tuple(name for part in parts for name in part.frame_id)
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
     return TransferredPixels(frame_id=names, **joined)
 
 
