@@ -292,8 +292,8 @@ class Calibration:
         (P, P), same order.
     readout
         Readout time of a photo; None where it is unknown.
-    is_assumed
-        Whether nobody calibrated it: then the sigma of a focal length is that of its logarithm.
+    is_unknown
+        Whether nothing is known of it: then the sigma of a focal length is that of its logarithm.
     """
 
     name: str
@@ -303,7 +303,7 @@ class Calibration:
     parameters: Annotated[Floats, "n"]
     covariance: Annotated[Floats, "n", "n"]
     readout: Readout | None = None
-    is_assumed: bool = False
+    is_unknown: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, n=len(self.parameter_names))

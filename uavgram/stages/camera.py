@@ -99,7 +99,8 @@ def assume_camera(
         or_not = "" if is_fisheye else f"; {WITHOUT}"
         raise InputError(tags.path, f"{why}: {REMEDY}{or_not}")
     source = _ordinary(tags)
-    return _calibration(tags, source), (_report_unknown_camera(tags, source, why),)
+    camera = replace(_calibration(tags, source), is_unknown=True)
+    return camera, (_report_unknown_camera(tags, source, why),)
 
 
 def _calibration(tags: CameraTags, source: _Source) -> Calibration:
@@ -112,7 +113,6 @@ def _calibration(tags: CameraTags, source: _Source) -> Calibration:
         covariance=make_assumed_covariance(
             "brown", source.parameters, tags.width_px, source.errors
         ),
-        is_assumed=True,
     )
 
 

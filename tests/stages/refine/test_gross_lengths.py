@@ -178,11 +178,11 @@ def test_a_step_to_a_lens_without_focal_length_is_refused(
     assert problem.evaluate(state) is None
 
 
-def test_no_step_leads_to_an_assumed_lens_without_focal_length(
+def test_no_step_leads_to_an_unknown_lens_without_focal_length(
     scene_factory: Callable[..., Scene],
 ) -> None:
     scene = scene_factory(2)
-    camera = replace(scene.survey.calibration, is_assumed=True)
+    camera = replace(scene.survey.calibration, is_unknown=True)
     survey = replace(scene.survey, calibration=camera)
     problem = SurveyProblem(survey, scene.pivot, np.ones(6, dtype=bool))
     basis, stated = problem.intrinsic_basis, camera.parameters

@@ -65,19 +65,19 @@ class SurveyProblem:
         """Return the (..., P) interior orientation of a state."""
         stated = self.survey.calibration.parameters
         change = state.intrinsic @ self.intrinsic_basis.T
-        if self.survey.calibration.is_assumed:
+        if self.survey.calibration.is_unknown:
             change[..., :2] = stated[:2] * (self.focal_growth(state) - 1.0)
         return np.asarray(stated + change)
 
     def focal_growth(self, state: State) -> Floats:
         """Compute (..., 2) derivatives of the focal lengths by the linear unknowns.
 
-        The logarithms of assumed focal lengths have a normal prior, so that none is near zero:
+        The logarithms of unknown focal lengths have a normal prior, so that none is near zero:
         photos that look straight down fit any ratio of focal length and height.
         """
         stated = self.survey.calibration.parameters[:2]
         change = state.intrinsic @ self.intrinsic_basis[:2].T
-        if not self.survey.calibration.is_assumed:
+        if not self.survey.calibration.is_unknown:
             return np.ones_like(change)
         with np.errstate(over="ignore"):  # a step too far is refused
             return np.asarray(np.exp(change / stated))

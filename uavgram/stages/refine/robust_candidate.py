@@ -317,10 +317,10 @@ class Candidate:
         stated = np.array([name not in self.taking.pose_widened for name in names])
         return bool(2 * (fits & stated).sum() > len(fits))
 
-    def is_within_lens(self) -> bool:
-        """Return whether the lens shows every point whose pick is no gross error."""
-        blocks = self.annealed.problem.evaluate(self.annealed.minimum.state)
-        return blocks is not None and not have_folded(blocks, without=self.annealed.gross("pixels"))
+    def fits_beyond_lens(self) -> bool:
+        """Return whether it fits only with a point that no lens shows."""
+        blocks = self.annealed.problem.evaluate(self.annealed.minimum.state) or {}
+        return have_folded(blocks, without=self.annealed.gross("pixels")) and self.fits()
 
     def gives_up_log(self) -> bool:
         """Return whether half of the log's poses, or more, are gross errors."""
@@ -365,9 +365,9 @@ def sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[
     Candidates with photos that contradict the rest come last: without these photos the other
     observations may show something else. The log as a whole is given up where nothing else
     explains everything. Candidates without a scale are none, as a scene of no size has no misfit on
-    the ground; and so are those with a point that no lens shows.
+    the ground; and so are those that fit with a point that no lens shows.
     """
-    possible = [one for one in candidates if one.has_scale() and one.is_within_lens()]
+    possible = [one for one in candidates if one.has_scale() and not one.fits_beyond_lens()]
     log_may_be_right = any(one.explains() and not one.gives_up_log() for one in possible)
     return sorted(
         possible,
