@@ -21,6 +21,7 @@ from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     CONTRADICTING,
     GROSS_ERROR_LOG_ODDS,
+    SURE_LOG_ODDS,
     Diagnosis,
     Hypothesis,
 )
@@ -245,12 +246,14 @@ def _find_common_errors(
     if plain is None:
         return None
     diagnosis = Diagnosis(find_participants(taking.survey, plain), plain)
-    common = identify_common_errors(diagnosis, COMMON_ERRORS)
+    cost = _compute_cost(taking, robust, found)
+    # A rival of common errors that are likelier may have a cost as large as that.
+    common = identify_common_errors(diagnosis, COMMON_ERRORS, cost + 2.0 * SURE_LOG_ODDS)
     if not common.causes:
         return None
     price = 2.0 * GROSS_ERROR_LOG_ODDS * _count_lost(taking, plain)
     common = common._replace(cost=common.cost + price)
-    return common if common.is_likelier(_compute_cost(taking, robust, found)) else None
+    return common if common.is_likelier(cost) else None
 
 
 def _compute_cost(taking: Participants, robust: Robust, found: IdentifiedCauses) -> float:

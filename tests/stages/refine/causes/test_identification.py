@@ -5,23 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from scenes import Scene, make_scene
 
 from uavgram.estimation.reliability.hypotheses import HypothesisTest, ObservationChange
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.message import Message
 from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes import identification as room
+from uavgram.stages.refine.causes import trials
+from uavgram.stages.refine.causes.correction import readjust_corrected
 from uavgram.stages.refine.causes.hypothesis import SURE_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.identification import (
     MAX_TRIED,
     MAX_TRIED_OF_A_KIND,
     identify_causes,
 )
-from uavgram.stages.refine.causes.trials import JudgedHypothesis
+from uavgram.stages.refine.causes.trials import JudgedHypothesis, try_hypothesis
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
 TAPE, LABELS = SurveyCorrection(length_m={0: 3.0}), SurveyCorrection(label_of_pick={0: 1})
@@ -125,7 +128,7 @@ def test_trials_end_where_the_rest_promises_less(
     every = [Hypothesis(message=told_as("a"), promise=2.0 * odds) for odds in promised]
     tried: list[float] = []
 
-    def try_one(_: Diagnosis, one: JudgedHypothesis) -> JudgedHypothesis:
+    def try_one(_: Diagnosis, one: JudgedHypothesis, *__: float) -> JudgedHypothesis:
         tried.append(one.odds)
         return replace(one, odds=come[len(tried) - 1])
 
@@ -142,7 +145,7 @@ def test_of_a_kind_only_the_most_promising_are_tried(monkeypatch: pytest.MonkeyP
     other = Hypothesis(message=told_as("b"), promise=20.0)
     tried: list[Hypothesis] = []
 
-    def try_one(_: Diagnosis, one: JudgedHypothesis) -> JudgedHypothesis:
+    def try_one(_: Diagnosis, one: JudgedHypothesis, *__: float) -> JudgedHypothesis:
         tried.append(one.hypothesis)
         return replace(one, odds=0.0)
 
@@ -151,6 +154,67 @@ def test_of_a_kind_only_the_most_promising_are_tried(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(room, "try_hypothesis", try_one)
     room._find_likeliest(stands, [lambda _: crowd, lambda _: [other]])
     assert tried == [*reversed(crowd[-MAX_TRIED_OF_A_KIND:]), other]
+
+
+def test_a_hypothesis_that_leaves_more_than_another_explanation_is_not_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
+    every = [Hypothesis(message=told_as("a"), promise=promise) for promise in (40.0, 30.0)]
+    tried: list[float] = []
+
+    def try_one(_: Diagnosis, one: JudgedHypothesis, limit: float) -> JudgedHypothesis:
+        tried.append(one.gain)
+        assert limit == stands.adjustment.minimum.cost - 35.0
+        return replace(one, odds=0.0)
+
+    monkeypatch.setattr(room, "try_hypothesis", try_one)
+    kinds = [lambda _, one=one: [one] for one in every]
+    room._find_likeliest(stands, kinds, stands.adjustment.minimum.cost - 35.0)
+    assert tried == [40.0]
+
+
+def test_of_two_errors_the_first_has_to_explain_half_of_what_both_have_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
+    squares, price, limits = stands.adjustment.minimum.cost, 3.0, list[float]()
+
+    def find(_: Diagnosis, __: object, limit: float) -> tuple[JudgedHypothesis, tuple[()]]:
+        limits.append(limit)
+        return JudgedHypothesis(Hypothesis(message=None, price=price), None, 9.0, 9.0, stands), ()
+
+    monkeypatch.setattr(room, "needs_cause", lambda _: True)
+    monkeypatch.setattr(room, "_find_likeliest", find)
+    goal = squares - 100.0
+    room.identify_common_errors(stands, (), goal)
+    np.testing.assert_allclose(limits, [squares - 50.0, goal - 2.0 * price])
+
+
+@pytest.mark.parametrize("freed", [None, lambda survey: survey])
+def test_a_trial_ends_where_its_cost_is_of_no_use(
+    monkeypatch: pytest.MonkeyPatch, freed: Callable[[Survey], Survey] | None
+) -> None:
+    """Two labels that are swapped everywhere: the swap explains it, and still is too dear."""
+    survey = make_scene(3, frames=3, labels=8, lines=6).survey
+    label = survey.pick_label.copy()
+    label[survey.pick_label == 0], label[survey.pick_label == 1] = 1, 0
+    bad = diagnosis(replace(survey, pick_label=label))
+    back = dict(enumerate(survey.pick_label.tolist()))
+    mend = SurveyCorrection(label_of_pick=back)
+    swap = Hypothesis(message=told_as("a"), mend=mend, freed=freed)
+    judged = JudgedHypothesis(swap, None, 0.0, 0.0)
+    least = diagnosis(survey).adjustment.minimum.cost
+    goals: list[float] = []
+
+    def record(*of: Any) -> Refined | None:  # noqa: ANN401
+        goals.append(of[-1])
+        return readjust_corrected(*of)
+
+    monkeypatch.setattr(trials, "readjust_corrected", record)
+    assert try_hypothesis(bad, judged, least + 1.0).odds > SURE_LOG_ODDS
+    assert try_hypothesis(bad, judged, least - 1.0).odds == -np.inf
+    assert goals == [least + 1.0, least - 1.0]
 
 
 def on_rough_ground(make: Callable[..., Scene], seed: int) -> Survey:

@@ -192,7 +192,7 @@ class IdentifiedCauses(NamedTuple):
 
 
 def identify_common_errors(
-    diagnosis: Diagnosis, hypotheses: Sequence[Proposal]
+    diagnosis: Diagnosis, hypotheses: Sequence[Proposal], goal: float = np.inf
 ) -> IdentifiedCauses:
     """Identify at most two errors, each common to all readings of a kind, or to all photos.
 
@@ -202,8 +202,10 @@ def identify_common_errors(
         The survey with all its readings.
     hypotheses
         Functions that propose the errors.
+    goal
+        Cost above which the errors, and their rivals, are of no use.
     """
-    return _identify_in_turn(diagnosis, hypotheses, most=2)
+    return _identify_in_turn(diagnosis, hypotheses, most=2, goal=goal)
 
 
 def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
@@ -226,9 +228,15 @@ def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
 
 
 def _identify_in_turn(
-    diagnosis: Diagnosis, hypotheses: Sequence[Proposal] = HYPOTHESES, most: int = MAX_CAUSES
+    diagnosis: Diagnosis,
+    hypotheses: Sequence[Proposal] = HYPOTHESES,
+    most: int = MAX_CAUSES,
+    goal: float = np.inf,
 ) -> IdentifiedCauses:
-    """Identify the likeliest cause, then that of the remaining misfit, until the rest fits."""
+    """Identify the likeliest cause, then that of the remaining misfit, until the rest fits.
+
+    Of several causes that reach the goal together, the first explains at least its share.
+    """
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     explanations: list[tuple[Explanation, ...]] = []
@@ -236,10 +244,12 @@ def _identify_in_turn(
     wrong, possible = frozenset[int](), tuple[JudgedHypothesis, ...]()
     stated, price = diagnosis, 0.0
     restored: Diagnosis | None = None
-    for _ in range(most):
+    for left in range(most, 0, -1):
         if not needs_cause(diagnosis) and not _are_taped_level(diagnosis):
             break
-        best, others = _find_likeliest(diagnosis, hypotheses)
+        squares = diagnosis.adjustment.minimum.cost
+        limit = squares - (squares - (goal - price)) / left
+        best, others = _find_likeliest(diagnosis, hypotheses, limit)
         if best is None:
             possible = () if causes else others
             break
@@ -411,18 +421,21 @@ def describe_possible(possible: Iterable[JudgedHypothesis]) -> tuple[Message, ..
 
 
 def _find_likeliest(
-    diagnosis: Diagnosis, hypotheses: Sequence[Proposal] = HYPOTHESES
+    diagnosis: Diagnosis, hypotheses: Sequence[Proposal], limit: float = np.inf
 ) -> tuple[JudgedHypothesis | None, tuple[JudgedHypothesis, ...]]:
     """Return the likeliest hypothesis, unless chance or noise explains as much; and its rivals.
 
-    Without one, the others are those that explain something and are not unlikely.
+    Without one, the others are those that explain something and are not unlikely. Hypotheses that
+    leave a sum of squares above a limit are of no use.
     """
     kinds = [
         _nearly_as_likely(screen_hypotheses(diagnosis, propose(diagnosis)))
         for propose in hypotheses
     ]
     every = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
-    proposed = list(_drop_duplicates(diagnosis.survey, every))
+    squares = diagnosis.adjustment.minimum.cost
+    promising = (one for one in every if squares - one.gain <= limit)
+    proposed = list(_drop_duplicates(diagnosis.survey, promising))
     trials: list[JudgedHypothesis] = []
     for one in proposed[:MAX_TRIED]:
         best = max((each.odds for each in trials if not _blames_tapes(each)), default=-np.inf)
@@ -430,7 +443,7 @@ def _find_likeliest(
         accused = any(each.odds > SURE_LOG_ODDS and _blames_tapes(each) for each in trials)
         if one.odds < (-SURE_LOG_ODDS if accused else 0.0) or best > one.odds + SURE_LOG_ODDS:
             break  # the others promise less in the linear model
-        trials.append(try_hypothesis(diagnosis, one))
+        trials.append(try_hypothesis(diagnosis, one, limit))
     # The rest may still be noisier than stated. Use the same noise for all trials; otherwise it
     # would decide between two that explain nearly all.
     noise = min((one.noise for one in trials if one.after is not None), default=1.0)

@@ -134,7 +134,9 @@ def _count_explained(diagnosis: Diagnosis, hypothesis: Hypothesis, gain: float) 
     return 2 * picks + lines + POSE_SIZE * poses
 
 
-def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypothesis:
+def try_hypothesis(
+    diagnosis: Diagnosis, judged: JudgedHypothesis, limit: float = np.inf
+) -> JudgedHypothesis:
     """Judge a hypothesis by an adjustment of the corrected survey.
 
     Parameters
@@ -143,6 +145,8 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         The survey under diagnosis.
     judged
         The hypothesis, as judged in the linear model.
+    limit
+        Sum of squares of the corrected survey above which the hypothesis is of no use.
     """
     hypothesis = judged.hypothesis
     if hypothesis.mend is None and hypothesis.freed is None:
@@ -156,11 +160,14 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
     # The price of the hypothesis contains that of the lengths that it leaves out.
     paid = 2.0 * GROSS_ERROR_LOG_ODDS * len(mend.without_lines)
-    goal = _bound_cost(diagnosis, hypothesis, paid)
+    goal = min(_bound_cost(diagnosis, hypothesis, paid), limit)
     refined = readjust_corrected(diagnosis, taking, hypothesis, goal)
+    useless = JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
+    if refined is None or refined.adjustment.minimum.cost > limit:
+        return useless
     # A freed unknown may end along a valley: its gain is at least that of its present state.
-    if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
-        return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
+    if not (refined.adjustment.minimum.converged or hypothesis.freed):
+        return useless
     after = Diagnosis(taking, refined)
     # Noise of the survey before and after: what the mistake adds to either is not noise.
     noise = min(_noise_of_core(diagnosis.adjustment), _noise_of_core(refined.adjustment))
@@ -175,7 +182,7 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         settled = hypothesis.settled(refined.adjustment)
         # An amount that may as well be zero explains nothing, whatever the readjustment gained.
         if settled is None or _compute_wald(*settled) < 2.0 * SURE_LOG_ODDS:
-            return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
+            return useless
         value, covariance = settled
         found = HypothesisTest(gain, len(value), value, covariance)
     of_log = _noise_of_log(refined.adjustment, hypothesis)
