@@ -266,6 +266,23 @@ def test_one_gross_error_costs_four_adjustments_and_those_of_two_starts(
     )
 
 
+def test_one_photo_has_no_start_from_the_heights_that_photos_show(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    taking = all_of(survey_with("length by 2 m", {**LOG, "frames": 1}, 0)[1].survey)
+    begun: list[bool] = []
+    anneal = robust_adjustment.anneal
+
+    def record(*of: Any, on_ground: bool = True) -> Any:  # noqa: ANN401
+        begun.append(on_ground)
+        return anneal(*of, on_ground=on_ground)
+
+    monkeypatch.setattr(robust_candidate, "anneal", record)
+    list(robust_candidate.adjust_from_softened(taking))
+    assert begun
+    assert all(begun)
+
+
 def test_no_two_readings_are_exchanged_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     _, wrong = survey_with("length by 2 m", {**NO_LOG, "lines": 4}, 0)
     tried: list[bytes] = []

@@ -395,6 +395,8 @@ def adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
             placed, problem = _build_stated_problem(adjustment, first, whole)
             annealed = anneal(problem, convert_state(adjustment, problem))
             yield Candidate(taking, placed, annealed)
+    if (count_photos(first.adjustment.survey) < 2).all():
+        return  # one photo alone shows no heights
     with suppress(SingularError, ValueError):
         placed, problem = _build_stated_problem(first.adjustment, first, whole)
         survey = problem.survey
