@@ -50,6 +50,7 @@ from uavgram.stages.refine import (
 )
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, Patience, find_best_minima
+from uavgram.stages.refine.rival_errors import MAX_RIVAL_INCREASE
 from uavgram.stages.refine.robust_adjustment import ZERO_WEIGHT
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
@@ -281,6 +282,68 @@ def test_one_photo_has_no_start_from_the_heights_that_photos_show(
     list(robust_candidate.adjust_from_softened(taking))
     assert begun
     assert all(begun)
+
+
+def test_parts_are_skipped_that_explain_less_than_an_earlier_part(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[object, ...]] = []
+    given: list[object] = []
+
+    def choose(_: object, found: list[object]) -> int:
+        asked.append(tuple(found))
+        return len(found)
+
+    def adjust(part: str, _: object, __: object, patience: int) -> Iterator[str]:
+        given.append(patience)
+        yield part
+
+    monkeypatch.setattr(reduced_starts, "_choose_patience", choose)
+    monkeypatch.setattr(reduced_starts, "adjust_from_reduced", adjust)
+    monkeypatch.setattr(reduced_starts, "sort_by_cost", lambda _, found: sorted(found))
+    whole: Any = None
+    parts: Any = ["c", "a"]
+    known: Any = ["b"]
+    found: list[Any] = [*reduced_starts._adjust_from_parts(parts, whole, whole, known)]
+    assert found == ["c", "a"]
+    assert asked == [("b",), ("b", "c")]
+    assert given == [1, 2]
+
+
+@pytest.mark.parametrize("kind", ["control", "lengths"])
+def test_other_exchanges_have_to_be_as_good_as_one_that_explains_all(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    survey = survey_with("length by 2 m", {**NO_LOG, "lines": 4}, 0)[1].survey
+    goals: list[float] = []
+
+    class Explains(SimpleNamespace):
+        def leaves_out_nothing(self) -> bool:
+            return True
+
+        def cost(self, _: Participants) -> float:
+            return 7.0
+
+    def adjust(*of: Any, again: bool = False) -> Iterator[object]:  # noqa: ANN401
+        assert again
+        goals.append(of[3].goal)
+        yield Explains()
+
+    pairs = [[0, 1], [0, 2], [1, 2]]
+    listed = {"control": "_list_control_to_exchange", "lengths": "_list_lengths_to_exchange"}
+    for one, name in listed.items():
+        monkeypatch.setattr(exchanged_readings, name, lambda *_, one=one: pairs * (one == kind))
+    control = np.zeros((3, 3))
+    survey = replace(
+        survey, control_label=np.arange(3), control_world_m=control, control_sigma_m=control + 1.0
+    )
+    monkeypatch.setattr(exchanged_readings, "adjust_from_reduced", adjust)
+    monkeypatch.setattr(exchanged_readings, "adjust_without_candidate", lambda _: True)
+    monkeypatch.setattr(exchanged_readings, "replace", lambda one, **_: one)
+    taking: Any = SimpleNamespace(survey=survey, leave_out_lines=lambda _: None)
+    monkeypatch.setattr(exchanged_readings, "add_small_roughness", lambda one: one)
+    list(exchanged_readings.try_exchanged_readings(set(), taking, []))
+    assert goals == [np.inf, *[7.0 + MAX_RIVAL_INCREASE] * 2]
 
 
 def test_no_two_readings_are_exchanged_twice(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -78,11 +78,15 @@ def try_exchanged_readings(
         exchanged = replace(taking, survey=other)
         whole = add_small_roughness(exchanged)
         names = tuple(survey.label[k] for k in survey.control_label[pair])
-        for one in adjust_from_reduced(whole, whole, exchanged, Patience(goal=goal), again=True):
+        patience = Patience(goal=goal)
+        for one in adjust_from_reduced(whole, whole, exchanged, patience, again=True):
             explains_all = one.leaves_out_nothing()
             is_explained |= explains_all
             if explains_all or not found:
-                yield replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
+                candidate = replace(one, price=CONTROL_EXCHANGE_COST, exchanged=names)
+                limit = candidate.cost(taking) + MAX_RIVAL_INCREASE
+                goal = min(goal, limit) if explains_all else goal
+                yield candidate
     if is_explained:
         return  # two lengths would cost more
     several = [one for one in found[:1] if len(one.annealed.problem.survey.frame_id) > 1]
@@ -98,7 +102,9 @@ def try_exchanged_readings(
         parts = (add_small_roughness(reduced), add_small_roughness(rest), rest)
         for one in adjust_from_reduced(*parts, patience, again=True):
             if one.leaves_out_nothing() and adjust_without_candidate(one) is not None:
-                yield replace(one, price=LENGTH_EXCHANGE_COST)
+                candidate = replace(one, price=LENGTH_EXCHANGE_COST)
+                goal = min(goal, candidate.cost(taking) + MAX_RIVAL_INCREASE)
+                yield candidate
 
 
 def _choose_promising_lengths(

@@ -82,7 +82,7 @@ def try_without_references(taking: Participants, found: Sequence[Candidate]) -> 
     found
         Candidates so far, that of least cost first.
     """
-    whole, patience = add_small_roughness(taking), _choose_patience(taking, found)
+    whole = add_small_roughness(taking)
     parts = (
         _leave_out_contradicting_control,
         _leave_out_each_click,
@@ -90,8 +90,8 @@ def try_without_references(taking: Participants, found: Sequence[Candidate]) -> 
         _leave_out_each_length,
         _leave_out_all_but_a_length,
     )
-    for part in chain.from_iterable(leave_out(whole) for leave_out in parts):
-        yield from adjust_from_reduced(part, whole, taking, patience)
+    each = chain.from_iterable(leave_out(whole) for leave_out in parts)
+    yield from _adjust_from_parts(each, whole, taking, found)
 
 
 def try_without_two_lengths(
@@ -112,11 +112,25 @@ def try_without_two_lengths(
         is_costly = found[0].cost(taking) + MAX_RIVAL_INCREASE > 2.0 * GROSS_SIGMAS**2
         if not is_costly or len(np.unique(taking.survey.pick_frame)) > 1:
             return
-    whole, patience = add_small_roughness(taking), _choose_patience(taking, found)
+    whole = add_small_roughness(taking)
     lines = np.flatnonzero(~taking.line_removed).tolist()
     if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
-        for rest in map(whole.leave_out_lines, combinations(lines, 2)):
-            yield from adjust_from_reduced(rest, whole, taking, patience)
+        parts = map(whole.leave_out_lines, combinations(lines, 2))
+        yield from _adjust_from_parts(parts, whole, taking, found)
+
+
+def _adjust_from_parts(
+    parts: Iterable[Participants],
+    whole: Participants,
+    taking: Participants,
+    found: Sequence[Candidate],
+) -> Iterator[Candidate]:
+    """Adjust robustly from parts of the observations, with the patience that each one deserves."""
+    for part in parts:
+        patience = _choose_patience(taking, found)
+        for candidate in adjust_from_reduced(part, whole, taking, patience):
+            found = sort_by_cost(taking, [*found, candidate])
+            yield candidate
 
 
 def try_without_suspects(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
