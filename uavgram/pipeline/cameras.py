@@ -11,11 +11,12 @@ import numpy as np
 
 from uavgram.config.camera import camera_text, load_camera_file
 from uavgram.errors import InputError
-from uavgram.input_files import binary_kind, read_bytes
+from uavgram.input_files import UnusableFile, binary_kind, read_bytes
 from uavgram.io import cameras
 from uavgram.io.files import digest_file
 from uavgram.io.logs.flight_log import is_flight_log
 from uavgram.io.outputs import replace_text
+from uavgram.io.photos.catalogue import UnusablePhotosError
 from uavgram.io.photos.metadata import read_all_camera_tags, read_camera_tags
 from uavgram.model.camera import (
     ORDINARY_EQUIVALENTS_MM,
@@ -153,30 +154,57 @@ def assume_photo_camera(
 
     Raises
     ------
+    UnusablePhotosError
+        Some photos come from another camera or zoom setting than most others.
     InputError
-        The photos come from several cameras or zoom settings, or theirs cannot be assumed.
+        The camera of the photos cannot be assumed.
     """
-    tags = read_all_camera_tags(photos.path)
-    first = tags[0]
-    for other in tags[1:]:
-        difference = _difference(first, other)
-        if difference:
-            raise InputError(
-                other.path,
-                f"{difference} {Path(first.path).name}, so one assumed camera cannot serve both: "
-                f"leave the others out, or {REMEDY}",
-            )
-    return assume_camera(first, cameras.read_drone_cameras(), may_be_unknown=may_be_unknown)
+    kinds: list[list[CameraTags]] = []
+    for tags in read_all_camera_tags(photos.path):
+        own = next((kind for kind in kinds if not _difference(kind[0], tags)), None)
+        if own is None:
+            kinds.append([tags])
+        else:
+            own.append(tags)
+    # Of as many photos turned as not, drones take the broad ones.
+    most = max(kinds, key=lambda kind: (len(kind), kind[0].width_px > kind[0].height_px))
+    if others := [tags for kind in kinds if kind is not most for tags in kind]:
+        raise UnusablePhotosError(
+            [UnusableFile(Path(tags.path), _difference(most[0], tags)) for tags in others]
+        )
+    return assume_camera(most[0], cameras.read_drone_cameras(), may_be_unknown=may_be_unknown)
+
+
+def describe_size(size_px: tuple[int, int], usual_px: tuple[int, int]) -> str:
+    """Describe the size of a photo that differs from the others, as a clause; empty if equal.
+
+    Parameters
+    ----------
+    size_px
+        Width and height of the photo.
+    usual_px
+        Those of the others.
+    """
+    if size_px == usual_px:
+        return ""
+    what = "is turned by 90 degrees" if size_px == usual_px[::-1] else "has another size"
+    sizes = f"{size_px[0]} x {size_px[1]} px, the others {usual_px[0]} x {usual_px[1]}"
+    return f"{what} ({sizes}): copy it from the camera once more"
 
 
 def _difference(first: CameraTags, other: CameraTags) -> str:
-    """Describe why two photos cannot share a camera, up to the first one's name.
+    """Describe why a photo cannot share the camera of another; empty if it can."""
+    sizes = (other.width_px, other.height_px), (first.width_px, first.height_px)
+    if size := describe_size(*sizes):
+        return size
+    if setting := _compare_settings(first, other):
+        name = Path(first.path).name
+        return f"{setting} {name}, so one assumed camera cannot serve both: {REMEDY}"
+    return ""
 
-    Empty if they can.
-    """
-    if (other.width_px, other.height_px) != (first.width_px, first.height_px):
-        sizes = f"{first.width_px} x {first.height_px} px of"
-        return f"is {other.width_px} x {other.height_px} px, not the {sizes}"
+
+def _compare_settings(first: CameraTags, other: CameraTags) -> str:
+    """Describe a difference in camera, corrections or zoom, up to the first one's name."""
     if (other.camera_name, other.serial) != (first.camera_name, first.serial):
         return f"comes from another camera ({other.camera_name or 'unnamed'}) than"
     if other.dewarped != first.dewarped:

@@ -57,7 +57,7 @@ from uavgram.model.observations import (
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.provenance import InputDigest
 from uavgram.model.survey import NO_TIES, TiePicks
-from uavgram.pipeline.cameras import assume_photo_camera, read_camera
+from uavgram.pipeline.cameras import assume_photo_camera, describe_size, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
 ANEW = "or take the tie points out by `uavgram picks ties --undo`, and search for them again"
@@ -273,6 +273,8 @@ def read_inputs(
     named = _list_named_photos(project, picks, ties_file, ties)
     try:
         photos, photo_messages = read_photos(project.images, project.time, left_out, named)
+        calibration, messages = _camera(project, photos)
+        _check_sizes(project, calibration, photos)
     except UnusablePhotosError as fault:
         way_out = _way_without(path, project, fault.photos)
         raise UnusablePhotosError(fault.photos, way_out) from None
@@ -280,11 +282,9 @@ def read_inputs(
     unused_picks = tuple(_list_unused(picks, left_out))
     picks = picks.take(np.setdiff1d(np.arange(len(picks.image)), unused_picks).tolist())
     ties = _remove_sightings(ties, left_out)
-    calibration, messages = _camera(project, photos)
     for readout in _readout(project, calibration, photos):
         calibration = replace(calibration, readout=readout)
         messages += (_report_readout(readout),)
-    _check_sizes(project, calibration, photos)
     check_picks(project, picks, photos)
     check_ties(ties_file or "", ties, photos)
     log = read_flight_log(project.log) if project.log else None
@@ -558,8 +558,21 @@ def _remove_mount_request(message: Message) -> Message:
 
 
 def _check_sizes(project: Project, calibration: Calibration, photos: Photos) -> None:
+    """Refuse photos of another size than the camera's: some of them, or all."""
     width, height = calibration.width_px, calibration.height_px
     wrong = np.flatnonzero((photos.width_px != width) | (photos.height_px != height))
+    if 0 < wrong.size < len(photos.path):
+        raise UnusablePhotosError(
+            [
+                UnusableFile(
+                    Path(photos.path[i]),
+                    describe_size(
+                        (int(photos.width_px[i]), int(photos.height_px[i])), (width, height)
+                    ),
+                )
+                for i in wrong.tolist()
+            ]
+        )
     if wrong.size:
         i = int(wrong[0])
         size = int(photos.width_px[i]), int(photos.height_px[i])

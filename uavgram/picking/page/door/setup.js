@@ -91,9 +91,11 @@ function photosPart({ number, has_project }, kinds, choose) {
   const picture = node("img", { alt: "The first photo", src: keyed(`/door/picture.jpg?folder=${number}&group=${kinds[0].index}`) });
   const isOneSize = new Set(kinds.map(({ size }) => size)).size === 1;
   /** @param {Kind} kind */
-  const words = (kind) => `${countOf(kind)} photo${countOf(kind) === 1 ? "" : "s"} of ${kind.size} px, such as ${kind.photos[0].example}${isOneSize && kinds.length > 1 ? ` (${kind.photos.map(({ pattern }) => pattern).join(", ")})` : ""}`;
+  const isTurned = ({ photos: [one] }) => one.width_px === kinds[0].photos[0].height_px && one.height_px === kinds[0].photos[0].width_px && one.width_px !== one.height_px;
+  /** @param {Kind} kind */
+  const words = (kind) => `${countOf(kind)} photo${countOf(kind) === 1 ? "" : "s"} of ${kind.size} px${isTurned(kind) ? ", turned by 90 degrees" : ""}, such as ${kind.photos[0].example}${isOneSize && kinds.length > 1 ? ` (${kind.photos.map(({ pattern }) => pattern).join(", ")})` : ""}`;
   if (kinds.length === 1 || has_project) return box("Photos", picture, node("p", {}, kinds.map(words).join("; ")));
-  return box("Photos", picture, node("p", {}, isOneSize ? "Several folders have photos of the same file names, and a project tells photos apart by their file names. Choose the folder:" : "There are photos of several sizes, and a project has those of one camera. Choose:"),
+  return box("Photos", picture, node("p", {}, isOneSize ? "Several folders have photos of the same file names, and a project tells photos apart by their file names. Choose the folder:" : "There are photos of several sizes, and a project has those of one camera. Choose the ones to use; the others take no part. Copy a turned photo from the camera once more to use it, too."),
     ...kinds.map((kind, k) => node("label", { class: "choice" }, node("input", { type: "radio", name: "kind", value: k, checked: k === 0, onchange: () => {
       picture.src = keyed(`/door/picture.jpg?folder=${number}&group=${kind.index}`);
       choose(kind);
@@ -111,11 +113,11 @@ const oneOf = (name, all, what, chosen, none = null) => node("label", { class: "
 const NO_LOG = "none";
 
 /** @param {Found} found */
-function filesPart({ logs, log, poses, has_project }) {
+function filesPart({ logs, log, photos, poses, has_project }) {
   const all = [...new Set([...(log ? [log] : []), ...logs])];
   if (all.length) return box("Flight log", oneOf("log", all, "flight log", log ?? (has_project ? NO_LOG : all.length === 1 ? all[0] : ""), [NO_LOG, "none of these: work without a log"]));
   if (poses.length) return box("Places of the photos", has_project ? node("p", {}, poses.join(", ")) : oneOf("poses", poses, "file", poses.length === 1 ? poses[0] : ""));
-  return box("Flight log", node("p", { class: "dim" }, "None: the photos' own positions are used if they have some, else taped lengths alone."));
+  return box("Flight log", node("p", { class: "dim" }, photos.some(({ has_position }) => has_position) ? "None: the photos' own positions are used." : "None, and the photos state no positions: taped lengths alone are used."));
 }
 
 // Camera files for these photos, including the one that the project names.
