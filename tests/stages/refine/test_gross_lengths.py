@@ -225,6 +225,7 @@ def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_a_warnin
         survey,
         length_m=survey.length_m * factor,
         length_sigma_m=survey.length_sigma_m * factor,
+        line_name=tuple(f"L{k}" for k in range(len(survey.length_m))),
     )
     _, messages = refine(survey, REPORT)
     levels = {m.code: m.level for m in messages}
@@ -235,8 +236,10 @@ def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_a_warnin
     unit = {0.001: "kilometres", 1000.0: "millimetres"}.get(factor)
     if unit is not None:
         assert levels["odd-height"] == "warning"
-        (text,) = (m.text for m in messages if m.code == "odd-height")
-        assert f"as with lengths in {unit}: in metres that would be " in text
+        (odd,) = (m for m in messages if m.code == "odd-height")
+        assert f"as with lengths in {unit}: in metres that would be " in odd.text
+        offered = [one.words for one in (odd.mend, *odd.instead) if one is not None]
+        assert any(f"as {unit}" in words for words in offered) == (unit != "kilometres")
 
 
 def test_a_run_that_does_not_come_to_rest_names_no_reading(

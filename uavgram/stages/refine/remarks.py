@@ -30,14 +30,17 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, format_digits, format_misfit, join_names, join_photo_names
-from uavgram.model.survey import Cause, Survey
-from uavgram.stages.remedies import report_not_located
+from uavgram.model.survey import Cause, Survey, SurveyCorrection
+from uavgram.stages.remedies import add_remedies, report_not_located
 
 MIN_HEIGHT_M, MAX_HEIGHT_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground [m], beyond which lengths or log are in question."""
 
 USUAL_MIN_HEIGHT_M, USUAL_MAX_HEIGHT_M = 3.0, 150.0
 """Usual heights of drone photos above the ground [m]; others are possible, if rarer."""
+
+ORDINARY_HEIGHT_M = 50.0
+"""The most usual of these heights [m]."""
 
 UNITS_M = {
     "millimetres": 1e-3,
@@ -124,13 +127,11 @@ def _list_ratios(survey: Survey, ratio: Floats) -> str:
 
 def _report_odd_height(adjustment: Adjustment) -> Iterator[Message]:
     """Report cameras at a height from which no drone takes photos of the ground."""
+    survey = adjustment.survey
     above = adjustment.state.center[:, 2] - adjustment.state.plane[0]
     height = float(np.median(above))
     if MIN_HEIGHT_M <= height <= MAX_HEIGHT_M:
-        if (
-            adjustment.survey.gauge == "plane"
-            and not USUAL_MIN_HEIGHT_M <= height <= USUAL_MAX_HEIGHT_M
-        ):
+        if survey.gauge == "plane" and not USUAL_MIN_HEIGHT_M <= height <= USUAL_MAX_HEIGHT_M:
             text = (
                 f"By the lengths, the cameras were {format_digits(height)} m above the ground. If "
                 "they were not, check the unit of the lengths: they must be in metres."
@@ -160,7 +161,17 @@ def _report_odd_height(adjustment: Adjustment) -> Iterator[Message]:
             f"{where}: look at the heights of log, ground and control points, and at the lengths. "
             "Do not use the numbers before it is cleared up."
         )
-    yield Message("warning", "odd-height", text)
+    message = Message("warning", "odd-height", text)
+    likely = sorted(units, key=lambda unit: abs(np.log(height * UNITS_M[unit] / ORDINARY_HEIGHT_M)))
+    yield add_remedies(message, survey, list(_as_in(survey, likely)))
+
+
+def _as_in(survey: Survey, units: Sequence[str]) -> Iterator[SurveyCorrection]:
+    """Yield the corrections that take all lengths as read in a unit of tapes."""
+    for unit in units:
+        if unit != "kilometres":
+            of_line = survey.length_m * UNITS_M[unit]
+            yield SurveyCorrection(length_m=dict(enumerate(of_line.tolist())))
 
 
 MIN_MOVED = 2
