@@ -250,15 +250,15 @@ def report_poses_left_out(refined: Refined) -> Iterator[Message]:
         yield Message(
             "warning",
             "telemetry-strained",
-            f"Photo {frame!r} is not where the log has it: all other observations place it {how}. "
-            "The log's position and direction of it hardly count. Check its picks, its time, how "
+            f"Photo {frame!r} is not at its recorded position: all other observations place it "
+            f"{how}. That position and direction hardly count. Check its picks, its time, how "
             "the camera hung (`mount`) and its zoom.",
             frames=(frame,),
             several=MessagePlural(
-                "{count} photos are not where the log has them: all other observations place them "
-                "elsewhere",
+                "{count} photos are not at their recorded positions: all other observations place "
+                "them elsewhere",
                 f"{frame!r} ({how})",
-                ending="The log's positions and directions of them hardly count. Check the picks "
+                ending="Those positions and directions hardly count. Check the picks "
                 "and times of these photos, how the camera hung (`mount`) and its zoom.",
             ),
             instead=(propose_photo_removal(frame),),
