@@ -108,6 +108,41 @@ def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
         assert not open_page.errors
 
 
+def test_a_second_click_far_from_the_first_is_asked_about_and_taken_back(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
+        survey, adjust = server.picking.survey, server.picking.survey.adjust
+
+        def adjusted(observed: Observations) -> LiveAdjustment:
+            found = adjust(observed)
+            return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
+
+        monkeypatch.setattr(survey, "adjust", adjusted)
+        page = open_page(server)
+        u, v = PLACES["New"]
+        place(page, "New", u, v)
+        page.keyboard.press("Escape")
+        wait_until_adjusted(page)
+        page.get_by_role("button", name="Click again").click()
+        question = page.get_by_role("alertdialog")
+
+        def rows() -> list[tuple[float, float]]:
+            found = [row for row in read_rows(tmp_path / "picks.csv") if row["label"] == "New"]
+            return [(float(row["u_px"]), float(row["v_px"])) for row in found]
+
+        page.mouse.click(*to_page(page, u + 80.0, v - 60.0))
+        expect(question).to_contain_text("This click is 100 px from your first one on New")
+        question.get_by_role("button", name="Take it back").click()
+        expect(question).to_have_count(0)
+        expect(page.locator("#notice")).to_contain_text("Click New again")
+        assert len(rows()) == 1
+        page.mouse.click(*to_page(page, u + 80.0, v - 60.0))
+        question.get_by_role("button", name="New is here").click()
+        eventually(page, lambda: rows() == [pytest.approx((u + 80.0, v - 60.0), abs=1.0)])
+        assert not open_page.errors
+
+
 def test_escape_ends_the_round(
     tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:

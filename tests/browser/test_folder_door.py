@@ -282,7 +282,9 @@ def test_a_page_that_closes_its_project_requests_no_more_photos(
     expect(page.get_by_role("list", name="Opened before")).to_be_visible()
 
 
-@pytest.mark.parametrize("loss", ["cut off", "not among the project's photos"])
+@pytest.mark.parametrize(
+    "loss", ["cut off", "not among the project's photos", "turned by 90 degrees (480 x 640 px"]
+)
 def test_a_photo_that_cannot_be_used_is_left_out_of_a_project_and_taken_back(
     home: Path, page: Page, loss: str
 ) -> None:
@@ -296,6 +298,9 @@ def test_a_photo_that_cannot_be_used_is_left_out_of_a_project_and_taken_back(
     whole = photo.read_bytes()
     if loss == "cut off":
         photo.write_bytes(whole[:-200])
+    elif "turned" in loss:
+        turned = np.rot90(cv2.imdecode(np.frombuffer(whole, np.uint8), cv2.IMREAD_COLOR))
+        photo.write_bytes(cv2.imencode(".jpg", turned)[1].tobytes())
     else:
         photo.unlink()
     (home / "flight" / "picks.csv").write_text(
@@ -324,6 +329,17 @@ def test_a_photo_that_cannot_be_used_is_left_out_of_a_project_and_taken_back(
 
     photo.write_bytes(whole)
     page.get_by_role("button", name="Use P2.jpg again").click()
+    expect(page.locator("#strip button")).to_have_count(2)
+    assert load_project(project).leave_out == ()
+
+    # A sound photo, too, by one control; the page that is loaded again with the others undoes it.
+    page.get_by_role("tab", name="Photos").click()
+    expect(shown).not_to_contain_text("no clock")
+    page.get_by_role("button", name="Leave P1.jpg out").click()
+    expect(page.locator("#strip button")).to_have_count(1)
+    expect(page.locator("#notice")).to_contain_text("The project leaves out P1.jpg")
+    expect(page.get_by_role("button", name="Leave P2.jpg out")).to_have_count(0)  # the last one
+    page.locator("#notice").get_by_role("button", name="Undo").click()
     expect(page.locator("#strip button")).to_have_count(2)
     assert load_project(project).leave_out == ()
 

@@ -34,6 +34,17 @@ OVERLAPPING = """(choice) => {
 }"""
 
 
+WHOLE = """one => {
+    const range = document.createRange();
+    range.selectNodeContents(one);
+    return range.getBoundingClientRect().bottom <= one.getBoundingClientRect().bottom + 1;
+}"""
+MIDDLE = """one => {
+    const { left, top, width, height } = one.getBoundingClientRect();
+    return [left + width / 3, top + height / 2];
+}"""
+
+
 @pytest.fixture
 def survey(data_dir: Path, tmp_path: Path) -> Path:
     """Two marks that lie close together, a length that does not fit, and all kinds of values."""
@@ -68,6 +79,32 @@ def test_nothing_overlaps_and_nothing_is_cut_off(survey: Path, open_page: PageOp
         page.evaluate("document.querySelector('#project').style.minWidth = '900px'")
         page.set_viewport_size({"width": 1280, "height": 720})
         eventually(page, lambda: page.evaluate(CUT_OFF) != [])  # the test can fall
+        assert not open_page.errors
+
+
+def test_the_verdict_is_shown_whole_or_scrolls_visibly_and_a_notice_covers_nothing(
+    survey: Path, open_page: PageOpener
+) -> None:
+    with served(survey) as server:
+        page = open_page(server)
+        show_photo(page, server.picking.index["IMG_0046.jpg"])
+        wait_until_adjusted(page)
+        text = page.locator("#first > span").first
+        text.evaluate("one => { one.textContent += ' more'.repeat(40); }")
+        for width, height in SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            assert text.evaluate(WHOLE)
+            edge = page.locator("#verdict").evaluate("one => getComputedStyle(one).backgroundImage")
+            assert edge.count("gradient") == 2  # shows where more follows
+            assert page.locator("#mode").evaluate("one => one.scrollWidth <= one.clientWidth")
+            page.mouse.move(*page.locator("svg.marks").evaluate(MIDDLE))
+            expect(page.locator(".loupe")).to_be_visible()
+            page.keyboard.press("Shift+T")  # says something
+            expect(page.locator("#notice")).to_be_visible()
+            boxes = "#notice, .loupe, .choices > *, .readout"
+            assert page.evaluate(OVERLAPPING, boxes) == [], width
+            page.keyboard.press("Shift+T")
+            page.keyboard.press("Escape")
         assert not open_page.errors
 
 

@@ -22,6 +22,7 @@ from uavgram.pipeline.setup import (
     change_left_out,
     inspect_folder,
     set_up,
+    use_recorded_angles,
 )
 
 GCP = """EPSG:32632
@@ -197,6 +198,14 @@ def test_photos_are_left_out_by_name_and_taken_back(tmp_path: Path) -> None:
     assert load_project(project, unfinished=True).leave_out == ("a, b]: '1'.jpg", "P1.jpg")
     change_left_out(project, ["P1.jpg"], is_taken_back=True)
     assert load_project(project, unfinished=True).leave_out == ("a, b]: '1'.jpg",)
+
+
+def test_the_recorded_angles_take_the_place_of_a_stated_mount(folder: Path) -> None:
+    turned = Setup(pitch_deg=-45.0, yaw_deg=90.0, roll_deg=-5.0)
+    path = set_up(folder, SetupChoices(choices=Choices(), setup=turned))
+    use_recorded_angles(path)
+    mount = load_project(path, unfinished=True).mount
+    assert (mount.gimbal, mount.pitch_deg, mount.yaw_deg, mount.roll_deg) == ("auto",) * 4
 
 
 def test_a_camera_that_is_turned_on_the_drone_is_written_and_taken_back(folder: Path) -> None:

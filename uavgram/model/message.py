@@ -79,6 +79,9 @@ class Remedy:
     corrections: tuple[Correction, ...] = ()
 
 
+JUST_AS_LIKELY = "Or, just as likely:"
+"""Begin a sentence on another cause that explains a misfit as well."""
+
 PLURAL: dict[Action, str] = {
     "swap": "Swap all of these labels",
     "move": "Put all of these photos back",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import glob
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -433,6 +433,23 @@ def change_left_out(path: Path, names: Collection[str], *, is_taken_back: bool) 
     before = load_project(path, unfinished=True).leave_out
     kept = [name for name in before if name not in names]
     _write(path, {"leave_out": kept if is_taken_back else [*kept, *sorted(names)]})
+
+
+def use_recorded_angles(path: Path) -> None:
+    """Take the direction of a project's camera as recorded, instead of as its mount states.
+
+    Parameters
+    ----------
+    path
+        The project file.
+
+    Raises
+    ------
+    UavgramError
+        The file cannot be changed in that place.
+    """
+    before = read_setup(load_project(path, unfinished=True))
+    change_setup(path, replace(before, pitch_deg="auto", yaw_deg="auto", roll_deg="auto"))
 
 
 CASE: tuple[Literal["number", "title", "place", "date", "agency"], ...] = (

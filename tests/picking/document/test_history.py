@@ -21,7 +21,7 @@ PIXELS = st.floats(0, 100)
 CHANGES = st.one_of(
     st.builds(c.Place, image=IMAGES, label=LABELS, u_px=PIXELS, v_px=PIXELS),
     st.builds(c.Repeat, image=IMAGES, label=LABELS, u_px=PIXELS, v_px=PIXELS),
-    st.builds(c.Unpick, image=IMAGES, label=LABELS),
+    st.builds(c.Unpick, image=IMAGES, label=LABELS, is_repetition=st.booleans()),
     st.builds(c.Forget, label=LABELS),
     st.builds(c.Rename, label=LABELS, new=LABELS),
     st.builds(c.Merge, label=LABELS, into=LABELS, keep=st.just("") | LABELS),
@@ -307,6 +307,10 @@ def test_a_click_that_is_made_again_stands_beside_the_first_and_goes_with_it() -
     assert [
         pick.label for pick in apply(session, c.Unpick(image="1.jpg", label="A")).state.picks
     ] == ["B"]
+    back = apply(session, c.Unpick(image="1.jpg", label="A", is_repetition=True))
+    assert [(pick.label, pick.u_px) for pick in back.state.picks] == [("A", 10.0), ("B", 30.0)]
+    with pytest.raises(RefusedError, match="'A' was clicked once"):
+        apply(back, c.Unpick(image="1.jpg", label="A", is_repetition=True))
     assert len(apply(session, c.Undo()).state.picks) == 2
     with pytest.raises(RefusedError, match="'C' is not picked in"):
         apply(session, c.Repeat(image="1.jpg", label="C", u_px=1.0, v_px=1.0))

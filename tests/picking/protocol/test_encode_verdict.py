@@ -16,6 +16,7 @@ from uavgram.model.message import (
     Remedy,
     propose_length_removal,
     propose_photo_removal,
+    propose_pick_removal,
 )
 from uavgram.model.message_catalogue import entry_of
 from uavgram.model.result.reliability import Reason, Verdict, WeakestLinks
@@ -366,6 +367,50 @@ def test_a_photo_is_left_out_by_a_button_if_the_page_has_it() -> None:
     name = next(iter(INDEX))
     (mend,) = remedies_json(map(propose_photo_removal, (name, "other.jpg")), LINES, INDEX)
     assert (mend["changes"], mend["way"]) == ([], {"to": "leave-out", "names": [name]})
+
+
+def test_of_two_clicks_only_the_second_is_taken_back() -> None:
+    name = next(iter(INDEX))
+    removal = propose_pick_removal([(name, "A")])
+    (mend,) = remedies_json([removal], LINES, INDEX, repeated={(name, "A")})
+    assert mend["words"].startswith("Take back the second click of A in ")
+    change = {"t": "unpick", "image": INDEX[name], "label": "A", "is_repetition": True}
+    assert mend["changes"] == [change]
+    (mend,) = remedies_json([removal], LINES, INDEX, repeated={(name, "B")})
+    assert mend["words"].startswith("Remove the pick of A in ")
+
+
+def swap(*photos: str) -> Reason:
+    """Two labels are swapped in one of some photos, or something else is wrong."""
+    swaps = [
+        Remedy(
+            action="swap",
+            words=f"Swap A and B in {photo}",
+            corrections=(Correction(action="swap", frame=photo, label="A", other="B"),),
+        )
+        for photo in photos
+    ]
+    text = "A and B seem to be swapped. Or, just as likely: The tape is wrong."
+    return Reason(
+        cause="labels-swapped", text=text, plain="A and B.", mend=swaps[0], instead=tuple(swaps[1:])
+    )
+
+
+def test_no_change_is_offered_where_another_cause_is_as_likely_and_no_photo_shows_which() -> None:
+    photos = tuple(INDEX)
+    remarks = Remarks(survey.build().picks, LINES, INDEX)
+    one = remarks.json(swap(photos[0]))
+    assert one["mends"] == []
+    assert "Or, just as likely: The tape is wrong. Look at each" in one["plain"]
+    two = remarks.json(swap(*photos[:2]))  # of which the page compares the places
+    assert len(two["mends"]) == 2
+
+
+def test_a_mount_that_contradicts_the_recorded_angles_is_replaced_by_one_button() -> None:
+    remarks = Remarks(survey.build().picks, LINES, INDEX)
+    text = "The mount contradicts the recorded angles: check `mount`."
+    mends = remarks.json(Reason(cause="mount-stated", text=text))["mends"]
+    assert [mend["way"]["to"] for mend in mends] == ["recorded", "set-up"]
 
 
 def test_work_in_the_field_has_no_button() -> None:

@@ -15,6 +15,7 @@ from uavgram.io.exports.geojson_kml import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.io.results.results_json import dump_verdict, load_verdict
 from uavgram.model.message import Message, Remedy
+from uavgram.model.naming import IMPERIAL, METRIC
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
@@ -28,6 +29,7 @@ from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.survey.verdict import (
     STATUS_WORDS,
+    describe_height,
     summarise_result,
     verdict_sentence,
     verdict_words,
@@ -273,3 +275,11 @@ def test_the_drawing_of_the_report_doubts_it() -> None:
     assert not [text.text for text in trusted.drawing.texts if text.text.endswith(" ?")]
     assert "a doubtful value" in render_report(marked)
     assert "a doubtful value" not in render_report(sure)
+
+
+def test_the_height_of_the_cameras_shows_lengths_in_another_unit() -> None:
+    result = survey.build(clean=True)
+    assert describe_height(result, METRIC) == "Cameras about 42 m above the ground: is that right?"
+    assert "about 138 feet above" in describe_height(result, IMPERIAL)
+    unused = replace(result.frames, status=("seeded",) * len(result.frames.status))
+    assert describe_height(replace(result, frames=unused), METRIC) == ""

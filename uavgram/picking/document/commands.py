@@ -69,10 +69,11 @@ class Refuse:
 
 @dataclass(frozen=True, kw_only=True)
 class Unpick:
-    """Remove the pick of a label in a photo."""
+    """Remove the pick of a label in a photo, or only its last repetition."""
 
     image: str
     label: str
+    is_repetition: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,6 +259,11 @@ class LeaveOut:
 
 
 @dataclass(frozen=True)
+class UseRecorded:
+    """Take the camera's direction as recorded, not as stated, and read the project again."""
+
+
+@dataclass(frozen=True)
 class TakeAside:
     """Apply the changes that an earlier session could not save."""
 
@@ -317,6 +323,7 @@ ProjectAction = (
     | Export
     | Reload
     | LeaveOut
+    | UseRecorded
     | TakeAside
     | DiscardAside
     | Folders

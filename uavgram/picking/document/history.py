@@ -398,6 +398,12 @@ def _repeat(state: State, do: c.Repeat) -> State:
 
 def _unpick(state: State, do: c.Unpick) -> State:
     there = _require_pick(state, do.image, do.label)
+    if do.is_repetition:
+        own = [pick for pick in state.picks if pick.key == there.key]
+        if len(own) == 1:
+            raise RefusedError(f"{do.label!r} was clicked once in {do.image!r}")
+        last = max(own, key=lambda pick: pick.again)
+        return replace(state, picks=tuple(pick for pick in state.picks if pick is not last))
     kept = tuple(pick for pick in state.picks if pick.key != there.key)
     return remove_matches(replace(state, picks=kept), there)
 

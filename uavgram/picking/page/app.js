@@ -157,6 +157,7 @@ class App {
       return;
     }
     this.pictures = pictures;
+    this.project.showLeftOut();
     forgetTies();
     void this.navigation.bringTies();
     this.header.showProject();

@@ -350,7 +350,7 @@ class Fit(PhotoLabel):
 class Way(TypedDict):
     """Place or action of the page, other than a change of picks: a length, a photo, the set-up."""
 
-    to: Literal["length", "leave-out", "set-up"]
+    to: Literal["length", "leave-out", "set-up", "recorded"]
     names: list[str]
 
 
@@ -376,7 +376,8 @@ class Remark(Note):
 class Verdict(TypedDict):
     """Verdict: likeliest reason (without text if all is well), all reasons, further remarks.
 
-    `reasons` is their number; `unseen` names lengths in which a wrong reading would not show.
+    `reasons` is their number; `unseen` names lengths in which a wrong reading would not show;
+    `height` is a sentence on the height of the cameras above the ground, empty if unknown.
     """
 
     level: VerdictLevel | None
@@ -385,6 +386,7 @@ class Verdict(TypedDict):
     why: list[Remark]
     reasons: int
     unseen: str
+    height: Text
 
 
 class ValueWords(TypedDict):
@@ -785,6 +787,7 @@ Answers = TypedDict(
         "refuse": Done,
         "reload": Done,
         "leave-out": Done,
+        "use-recorded": Done,
         "calibrate": Done,
         "stop-work": Done,
         "use-camera": Done,

@@ -26,7 +26,7 @@ from uavgram.picking.storage.tables import FileWatch, Tables
 from uavgram.pipeline.calibrate import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live_survey import LiveSurvey
-from uavgram.pipeline.setup import change_left_out
+from uavgram.pipeline.setup import change_left_out, use_recorded_angles
 
 log = logging.getLogger(__name__)
 
@@ -151,12 +151,9 @@ class OpenProject:
                 self.calibration.start(action)
             case c.StopWork():
                 self._stop_work(action.work)
-            case c.UseCamera():
-                await self._use_camera()
-            case c.Reload():
+            case c.Reload() | c.UseCamera() | c.LeaveOut() | c.UseRecorded():
+                await to_thread.run_sync(self._find_change(action))
                 await self._reload()
-            case c.LeaveOut():
-                await self._leave_out(action)
             case c.TakeAside() | c.DiscardAside():
                 is_taken = isinstance(action, c.TakeAside)
                 return {"t": "done", "refused": await self._deal_with_aside(take=is_taken)}
@@ -217,7 +214,21 @@ class OpenProject:
             "version": self.picking.version if is_current else None,
         }
 
-    async def _use_camera(self) -> None:
+    def _find_change(
+        self, action: c.Reload | c.UseCamera | c.LeaveOut | c.UseRecorded
+    ) -> Callable[[], None]:
+        """Return what an action changes in the project file before it is read again."""
+        match action:
+            case c.UseCamera():
+                return self._use_camera()
+            case c.LeaveOut():
+                return self._leave_out(action)
+            case c.UseRecorded():
+                return partial(use_recorded_angles, self._path)
+            case c.Reload():
+                return lambda: None
+
+    def _use_camera(self) -> Callable[[], None]:
         made, made_for = self.calibration.made, self.calibration.made_for
         if made is None or made_for is None:
             raise RefusedError("no camera file was made yet")
@@ -228,10 +239,9 @@ class OpenProject:
                 f"photos of the project have {photo.width_px} x {photo.height_px}: calibrate with "
                 "photos of their size"
             )
-        await to_thread.run_sync(use_camera, self._path, made)
-        await self._reload()
+        return partial(use_camera, self._path, made)
 
-    async def _leave_out(self, action: c.LeaveOut) -> None:
+    def _leave_out(self, action: c.LeaveOut) -> Callable[[], None]:
         inputs, damage = self.picking.survey.inputs, self.picking.survey.damage
         there = {photo.path.name for photo in damage.photos} if damage else set[str]()
         there |= {photo.name for photo in self.picking.photos}
@@ -239,9 +249,7 @@ class OpenProject:
         if unknown := [name for name in action.names if name not in known]:
             raise RefusedError(f"{unknown[0]!r} is no such photo: read the project again")
         back = action.is_taken_back
-        change = partial(change_left_out, self._path, action.names, is_taken_back=back)
-        await to_thread.run_sync(change)
-        await self._reload()
+        return partial(change_left_out, self._path, action.names, is_taken_back=back)
 
     async def _reload(self) -> None:
         """Read the files again; changes that only the page has are saved beside them, or replayed.

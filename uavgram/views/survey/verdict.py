@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools
-from uavgram.model.naming import format_count, join_names
+from uavgram.model.naming import FOOT_M, Units, format_count, join_names
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineResults, MeasurementResults
@@ -134,6 +134,26 @@ def _known(result: Result) -> str:
     words = Counter(status_text(rows, row) for row in range(len(rows.name)))
     parts = (f"{n} {'is' if n == 1 else 'are'} {word}" for word, n in words.most_common())
     return f"of {len(rows.name)} measurements, {join_names(parts, None)}."
+
+
+STEPPED_M = 10.0
+"""Height of cameras [m] above which it is rounded to metres, and below to decimetres."""
+
+
+def describe_height(result: Result, units: Units) -> str:
+    """Return a sentence on the height of the cameras; empty where nothing determines it.
+
+    A person who was there notices by it lengths that were entered in another unit.
+    """
+    frames, points = result.frames, result.points
+    used = np.array(frames.status, dtype=str) == "refined"
+    ground_m = points.position_world_m[:, 2] - points.height_above_ground_m
+    if not used.any() or not ground_m.size or result.verdict.level is None:
+        return ""
+    height_m = np.median(frames.refined.center_world_m[used, 2]) - np.median(ground_m)
+    unit, one_m = ("m", 1.0) if units.length == "m" else ("feet", FOOT_M)
+    words = f"{height_m / one_m:.{0 if height_m > STEPPED_M else 1}f} {unit}"
+    return f"Cameras about {words} above the ground: is that right?"
 
 
 def describe_undetectable(result: Result) -> str:

@@ -1,7 +1,7 @@
 // Actions on the project as a whole: export, calibration, reloading.
 
 import { store } from "../connection/store.js";
-import { keep } from "../connection/tab_memory.js";
+import { keep, kept } from "../connection/tab_memory.js";
 import { goOn, send } from "../door/server.js";
 import { boardText } from "../panel/camera.js";
 
@@ -87,9 +87,22 @@ export class ProjectActions {
   // Leaves photos out of the project, or takes them back; the server reads it again.
   /** @param {string[]} names @param {boolean} isTakenBack */
   async leaveOut(names, isTakenBack) {
-    const done = await this.ask({ t: "leave-out", names, is_taken_back: isTakenBack });
+    keep({ leftOut: { names, isTakenBack } }); // shown when the project begins anew: the page may be loaded again
+    if (!await this.ask({ t: "leave-out", names, is_taken_back: isTakenBack })) keep({ leftOut: undefined });
+  }
+
+  // Says once which photos were left out or taken back.
+  showLeftOut() {
+    const { leftOut } = kept();
+    if (!leftOut) return;
+    keep({ leftOut: undefined });
+    const { names, isTakenBack } = leftOut;
     const which = names.length === 1 ? names[0] : `${names.length} photos`;
-    if (done) this.notice.show(isTakenBack ? `The project uses ${which} again.` : `The project leaves out ${which}. Under Photos it can be used again.`, true);
+    this.notice.show(isTakenBack ? `The project uses ${which} again.` : `The project leaves out ${which}. Under Photos it can be used again.`, true, { words: "Undo", act: () => void this.leaveOut(names, !isTakenBack) });
+  }
+
+  async useRecorded() {
+    if (await this.ask({ t: "use-recorded" })) this.notice.show("The camera's direction is taken as recorded. In the set-up it can be stated again.", true);
   }
 
   async reload() {

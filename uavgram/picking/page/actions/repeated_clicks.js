@@ -4,7 +4,7 @@
 import { pickKey, store } from "../connection/store.js";
 import { spot } from "../photos/spot.js";
 
-/** @import { Pick } from "../connection/protocol.js" */
+/** @import { Change, Pick } from "../connection/protocol.js" */
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Tools } from "./tools.js" */
 
@@ -51,11 +51,23 @@ export class Again {
   takes({ image }, u_px, v_px) {
     const [one] = this.left;
     if (one?.image !== image) return Boolean(one);
-    this.tools.send({ t: "repeat", image, label: one.label, u_px, v_px });
+    const away = Math.hypot(u_px - one.u_px, v_px - one.v_px);
+    if (away < CROP_PX / 2) this.done({ t: "repeat", image, label: one.label, u_px, v_px });
+    else {
+      this.tools.question.ask(`This click is ${Math.round(away)} px from your first one on ${one.label}: take it back?`, [
+        { words: "Take it back", act: () => this.next() },
+        { words: `Keep it: the first click was wrong, ${one.label} is here`, act: () => this.done({ t: "place", image, label: one.label, u_px, v_px }) },
+      ]);
+    }
+    return true;
+  }
+
+  /** @param {Change} change */
+  done(change) {
+    this.tools.send(change);
     this.left.shift();
     this.next();
     if (!this.left.length) this.tools.notice.show("All were clicked again. If others need it, too, the program asks for them at the side.", true);
-    return true;
   }
 
   end() {

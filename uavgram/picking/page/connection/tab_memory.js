@@ -10,8 +10,8 @@ const STORED = "uavgram-kept";
 
 /** @typedef {{ settings: string[], why: string }} Doubt settings of the project that a verdict doubts, and its sentence */
 /**
- * `folder`: the listed one; `doubt`: to be shown in the set-up; `gone`: the project that this tab showed last; `first`: the tool with which a new project begins. Numbers of photos hold for `pictures`, their digests.
- * @typedef {{ page?: string, folder?: number | null, doubt?: Doubt, first?: ToolName, gone?: string, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, draft?: string[], panes?: KeptPanes }} Kept
+ * `folder`: the listed one; `doubt`: to be shown in the set-up; `gone`: the project that this tab showed last; `first`: the tool with which a new project begins; `leftOut`: photos that are being left out or taken back. Numbers of photos hold for `pictures`, their digests.
+ * @typedef {{ page?: string, folder?: number | null, doubt?: Doubt, first?: ToolName, leftOut?: { names: string[], isTakenBack: boolean }, gone?: string, tab?: Tab, tool?: ToolName, pictures?: string, drawsIn?: number | null, draft?: string[], panes?: KeptPanes }} Kept
  */
 
 /** Returns what was kept of a page; nothing if another one was shown since. @param {string} page @returns {Kept} */

@@ -151,7 +151,7 @@ class Door {
   /** @param {string} why @param {[string, () => void][]} ways remedies, as buttons */
   trouble(why, ways = []) {
     const box = byId("trouble");
-    box.replaceChildren(why, ...ways.map(([words, act]) => node("button", { type: "button", onclick: act }, words)));
+    box.replaceChildren(node("p", {}, why), ways.length ? node("div", { class: "answers" }, ...ways.map(([words, act]) => node("button", { type: "button", onclick: act }, words))) : "");
     box.hidden = !why;
     if (why) box.scrollIntoView({ block: "nearest" });
   }

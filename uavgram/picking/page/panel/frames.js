@@ -1,7 +1,7 @@
 // The photos tab: time, match and seed of each photo, and unmatched photos and events.
 
 import { adjusted, picksIn, store } from "../connection/store.js";
-import { linkButton } from "../elements/buttons.js";
+import { linkButton, signButton } from "../elements/buttons.js";
 import { node } from "../elements/dom.js";
 import { fixed } from "../elements/numbers.js";
 import { about, cell, fill, folded, keep, list, standingSign, table, tableRow, titled, trusted } from "../elements/table.js";
@@ -17,14 +17,14 @@ import { leaveOutButton } from "./verdict.js";
 export function showFrames(section, show, current, project) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
-  fill(section, () => [store.damaged.length ? keep("damaged", [store.opening, store.damaged], () => damagedPart(project)) : null, keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
-    keep("frames", [facts, store.clock, store.opening, store.leftOut], () => node("div", {}, framesPart(facts, show), leftOutPart(project), unmatchedPart(facts), foundPart()))]);
+  fill(section, () => [store.damaged.length ? keep("damaged", [store.opening, store.damaged], () => damagedPart(project)) : null, store.clock ? keep("clock", [now?.clock, store.clock], () => clockPart(now)) : null, flightMap(show, current),
+    keep("frames", [facts, store.clock, store.opening, store.leftOut], () => node("div", {}, framesPart(facts, show, project), leftOutPart(project), unmatchedPart(facts), foundPart()))]);
 }
 
 /** @param {Adjusted | null} now */
 function clockPart(now) {
   const { clock } = store;
-  if (!clock) return titled("Clock", node("p", {}, "There is no flight log: no clock to match."));
+  if (!clock) return node("div", {});
   /** @param {ClockOffset} of */
   const offset = ({ text }) => text || "not known";
   const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": each photo is found in it by its time";
@@ -44,19 +44,23 @@ const wordsOf = ({ reason, event, seed }) => [
 /** @type {Record<string, string | undefined>} */
 const STATUS = { refined: "fitted", seeded: "flight only", rejected: "left out", matched: "placed", unmatched: "not placed" };
 
-/** @param {Facts[]} facts @param {(image: number) => void} show */
-function framesPart(facts, show) {
+// Whether a flight log or positions place the photos, without any pick.
+const hasFlight = () => Boolean(store.clock) || store.photos.some(({ matched }) => matched);
+
+/** @param {Facts[]} facts @param {(image: number) => void} show @param {ProjectActions} project */
+function framesPart(facts, show, project) {
   const rows = facts.map(({ photo, k, picks, found }) => {
     const refined = found?.status === "refined" ? found.sigma : "";
-    const [status, trust] = found ? [found.status, found.standing] : [photo.matched ? "matched" : "unmatched", undefined];
+    const [status, trust] = found ? [found.status, found.standing] : [photo.matched ? "matched" : hasFlight() ? "unmatched" : "", undefined];
     const utc = utcText(photo.time_utc_s, 2);
     return tableRow({ title: [utc && `${utc} UTC`, ...wordsOf(photo), told("moved by", found?.moved ?? "")].filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
       cell({ class: "named ended", title: photo.name }, standingSign(trust), linkButton("show", node("bdi", {}, photo.name), () => show(k), { "aria-label": `Show ${photo.name}` })),
-      picks, STATUS[status] ?? status, photo.seed?.sigma, cell({ class: "value" }, trusted(trust, refined)), cell({ class: "wide-only" }, utc));
+      picks, STATUS[status] ?? status, photo.seed?.sigma, cell({ class: "value" }, trusted(trust, refined)), cell({ class: "wide-only" }, utc),
+      cell({}, facts.length > 1 ? signButton("remove", `Leave ${photo.name} out`, "\u00d7", () => void project.leaveOut([photo.name], false)) : null));
   });
-  const matched = facts.filter(({ photo }) => photo.matched).length;
-  return titled(`Photos (${matched} of ${facts.length} placed in the flight)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now.`),
-    table("Photos", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
+  const matched = hasFlight() ? ` (${facts.filter(({ photo }) => photo.matched).length} of ${facts.length} placed in the flight)` : "";
+  return titled(`Photos${matched}`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now. Distances on the ground may be known far better.`),
+    table("Photos", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC"), ""], rows));
 }
 
 /** @param {ProjectActions} project */
@@ -70,7 +74,7 @@ const leftOutPart = (project) => (store.leftOut.length ? titled("Left out by the
 /** @param {Facts[]} facts */
 function unmatchedPart(facts) {
   /** @type {Pick<Remark, "level" | "text">[]} */
-  const photos = facts.filter(({ photo }) => !photo.matched && photo.reason).map(({ photo }) => ({ level: "warning", text: `${photo.name}: ${photo.reason}` }));
+  const photos = facts.filter(({ photo }) => hasFlight() && !photo.matched && photo.reason).map(({ photo }) => ({ level: "warning", text: `${photo.name}: ${photo.reason}` }));
   /** @type {Map<string, number>} */
   const count = new Map();
   for (const where of store.clock?.unused ?? []) count.set(where, (count.get(where) ?? 0) + 1);

@@ -94,12 +94,14 @@ function lengthsPart(tools) {
   const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
     table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("misfit", MISFIT), ""], store.lines.flatMap((line) => [lengthRow(line, tools), beneath(6, "value")]))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
+  const counts = countsOfPicks();
+  const lost = store.lines.map(({ start, end }) => [start, end].filter((label) => !counts.has(label)));
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", fits[k]?.status ?? ""); });
-  return withValues(part, fits.map((fit) => {
+  return withValues(part, fits.map((fit, k) => {
     const { adjusted: length = "", sigma = "" } = fit ?? {};
     return {
-      sign: [length, sigma, fit?.w, fit?.shows, standing(fit)],
-      make: () => [[trusted(fit, length)], [trusted(fit, sigma)], [wCell(fit?.w, isFault(fit) ? "suspect" : "", fit?.why)], saidBeneath(fit, fit?.shows)],
+      sign: [length, sigma, fit?.w, fit?.shows, standing(fit), lost[k]],
+      make: () => [[trusted(fit, length)], [trusted(fit, sigma)], [wCell(fit?.w, isFault(fit) ? "suspect" : "", fit?.why)], lost[k].length ? [`Not used: ${lost[k].join(" and ")} ${lost[k].length > 1 ? "are" : "is"} marked in no photo.`] : saidBeneath(fit, fit?.shows)],
     };
   }));
 }

@@ -24,6 +24,8 @@ export function showVerdict(box, tools, project) {
   /** @param {Remark} remark */
   const buttons = (remark) => actionsOf(remark, isOld, tools, project);
   fillIfNew(byId("first"), JSON.stringify([first, plain, isOld, store.damaged, isSearching(), acceptable()]), () => (plain ? [node("span", { title: first.text || plain }, plain), buttons(first) ?? leaveOutButton(project) ?? ""] : []));
+  const height = isOld ? "" : adjusted()?.verdict.height ?? "";
+  if (byId("height").textContent !== height) byId("height").textContent = height;
   const behind = first.plain === first.text || isTold(first, why) ? why : [first, ...why];
   byId("why").hidden = !behind.length;
   byId("why-title").textContent = `${first.text ? "Why" : "Warnings"} (${behind.length})`;
@@ -75,7 +77,9 @@ function compared(mends) {
   if (swaps.length < 2) return null;
   const labels = new Set(swaps.flat().flatMap(({ label, other }) => [label, other]));
   const rows = [...labels].map((label) => node("span", {}, `${label} `, ...picksOf(label).slice(0, MOST_COMPARED).map(({ image, u_px, v_px }) => spot(image, u_px, v_px, `${label} in ${store.photos[image].name}`, SPOT_PX))));
-  return node("span", { class: "compared" }, "Only one of these is right. Compare the places, and take the photo in which they differ from the others:", ...rows);
+  const photos = new Set([...labels].flatMap((label) => picksOf(label).map(({ image }) => image)));
+  const how = photos.size > 2 ? "Compare the places, and take the photo in which they differ from the others:" : "Two photos do not show which: compare the places with your notes or a sketch, and take the photo in which they are exchanged:";
+  return node("span", { class: "compared" }, `Only one of these is right. ${how}`, ...rows);
 }
 
 const SPOT_PX = 40;
@@ -89,6 +93,7 @@ const rankOf = ({ changes, way }) => (way?.to === "leave-out" || (changes.length
 /** @param {Mend} mend @param {string} why @param {Tools} tools @param {ProjectActions} project */
 function putRight({ words, changes, way }, why, tools, project) {
   if (way?.to === "set-up") void project.leave("setup", { settings: way.names, why });
+  if (way?.to === "recorded") void project.useRecorded();
   if (way?.to === "leave-out") void project.leaveOut(way.names, false);
   const line = way && store.lines.find(({ name }) => name === way.names[0]);
   if (line && way?.to === "length") tools.changeLine(line);

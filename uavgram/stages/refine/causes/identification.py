@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Explanation
-from uavgram.model.message import Message
+from uavgram.model.message import JUST_AS_LIKELY, Message
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.common_length_errors import (
     propose_common_errors,
@@ -401,7 +401,7 @@ def _mention_swap(message: Message, written: Survey, swapped: SurveyCorrection) 
 
 def _mention_rival(message: Message, rival: Message) -> Message:
     """Mention another cause that is about as likely."""
-    sentence = f"Or, just as likely: {rival.split_text(': ')[0]}."
+    sentence = f"{JUST_AS_LIKELY} {rival.split_text(': ')[0]}."
     return replace(
         _add_alternative(message, sentence), mentions=(*message.mentions, *rival.names())
     )
