@@ -367,9 +367,8 @@ def order_worst_fit_first(w: Floats) -> Ints:
 
 
 def order_computed_first(measurements: MeasurementResults) -> Ints:
-    """Return (M,) the order of `order_worst_first`, values not computed at the end: for pages."""
-    order = order_worst_first(measurements)
-    return order[np.argsort(np.isnan(measurements.value[order]), kind="stable")]
+    """Return (M,) the order of the project, values not computed at the end: for pages."""
+    return np.argsort(np.isnan(measurements.value), kind="stable").astype(np.int64)
 
 
 def order_shapes_first(rows: MeasurementResults) -> tuple[int, ...]:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import synthetic_survey
 from open_projects import change, opened
@@ -71,14 +69,21 @@ def test_a_file_beside_a_locked_one_is_shown_in_its_place(tmp_path: Path) -> Non
     assert outputs.read("report.html") == b"report.html"
 
 
-def test_measurements_that_are_not_in_order_come_first() -> None:
+def test_measurements_keep_the_order_in_which_they_were_typed() -> None:
     result = synthetic_survey.build()
     rows = result.measurements
-    last = results_json(result)["measurements"][-1]["name"]
-    status: list[Literal["ok", "not-checked"]] = [
-        "not-checked" if name == last else "ok" for name in rows.name
-    ]
-    changed = replace(result, measurements=replace(rows, status=tuple(status)))
-    names = [one["name"] for one in results_json(changed)["measurements"]]
-    assert names[0] == last
+    names = [one["name"] for one in results_json(result)["measurements"]]
+    typed = [name for name, kind in zip(rows.name, rows.kind, strict=True) if kind != "coordinate"]
+    assert names[: len(typed)] == typed
     assert sorted(names) == sorted(rows.name)
+
+
+def test_no_file_of_the_earth_is_offered_where_nothing_ties_the_survey_to_it(
+    tmp_path: Path,
+) -> None:
+    for name in ("survey.kml", "points.geojson", "measurements.csv"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    for latitude, count in ((None, 2), (48.0, 4)):
+        content = {"world": {"latitude_deg": latitude}, "provenance": {"inputs": {}}}
+        (tmp_path / "results.json").write_text(json.dumps(content), encoding="utf-8")
+        assert len(Outputs(tmp_path).list_files()) == count

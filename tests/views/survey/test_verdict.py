@@ -20,7 +20,7 @@ from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.stages.products.map_layers import features_of
-from uavgram.views.formatting import format_with_sigma, order_computed_first
+from uavgram.views.formatting import format_with_sigma, order_computed_first, order_worst_first
 from uavgram.views.recording.labels import measured_text, survey_labels
 from uavgram.views.recording.pages import measured_page
 from uavgram.views.recording.scene import measure_scene
@@ -234,7 +234,13 @@ def test_the_farther_the_other_values_the_earlier_the_row(marked: Result, sure: 
     rows = unsure(sure, "", ()).measurements
     rows = type(rows)(**{**vars(rows), "alternative_values": others})
 
-    assert [rows.name[i] for i in order_computed_first(rows)[:2]] == [NAME, "road width"]
+    worst = [rows.name[i] for i in order_worst_first(rows) if math.isfinite(rows.value[i])]
+    assert worst[:2] == [NAME, "road width"]
+    # Pages have the order of the project instead, as the page on which it was typed.
+    value = rows.value.copy()
+    value[0] = math.nan
+    rows = type(rows)(**{**vars(rows), "value": value})
+    assert order_computed_first(rows).tolist() == [*range(1, len(value)), 0]
 
 
 def test_the_report_marks_the_row_and_says_what_that_means(sure: Result, marked: Result) -> None:

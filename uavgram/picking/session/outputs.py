@@ -17,7 +17,7 @@ from uavgram.model.result.result import Result
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.ways_on_page import name_on_page
 from uavgram.picking.storage.tables import Stamp, stamp_of
-from uavgram.views.formatting import measurement_text
+from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.survey.verdict import (
     reason_sentence,
     status_text,
@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 REPORT = "report.html"
 RESULTS = "results.json"
 RECORDING = "recording.rrd"
+OF_EARTH = {"points.geojson", "survey.kml"}
+"""Files that are empty where nothing ties the survey to the earth."""
+
 FILES = {
     REPORT: "Report",
     "report-annex.html": "Annex of the report, for specialists",
@@ -59,6 +62,8 @@ class Outputs:
     ----------
     made_of
         Digests of the inputs of the results, as `look` last found them; None without results.
+    is_on_earth
+        Whether the results have a place on the earth, as `look` last found them.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -67,6 +72,7 @@ class Outputs:
         self._opening = threading.Lock()
         self._stamp: Stamp = None
         self.made_of: frozenset[str] | None = None
+        self.is_on_earth = True
         self.look()
 
     def look(self) -> None:
@@ -76,8 +82,10 @@ class Outputs:
             return
         self._stamp, self.made_of = stamp, None
         with suppress(ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            inputs = json.loads(self.read(RESULTS) or b"")["provenance"]["inputs"]
+            results = json.loads(self.read(RESULTS) or b"")
+            inputs = results["provenance"]["inputs"]
             self.made_of = frozenset(str(one["sha256"]) for one in inputs.values())
+            self.is_on_earth = results["world"]["latitude_deg"] is not None
 
     def summarise_results(self) -> m.Results | None:
         """Return the results in words; None if there are none or they cannot be read."""
@@ -99,7 +107,8 @@ class Outputs:
 
     def list_files(self) -> list[m.OutputFile]:
         """Return the existing files with their titles; a file beside a locked one has its name."""
-        latest = {name: self._latest(name).name for name in FILES if self._has(name)}
+        named = [name for name in FILES if self.is_on_earth or name not in OF_EARTH]
+        latest = {name: self._latest(name).name for name in named if self._has(name)}
         return [
             {"name": name, "words": FILES[name] + (f": {file}" if file != name else "")}
             for name, file in latest.items()
@@ -160,7 +169,7 @@ class Outputs:
 def results_json(result: Result) -> m.Results:
     """Return verdict, measurements and case of a result, in the units of its project.
 
-    Measurements that are not in order come first, coordinates last; else as the project has them.
+    Measurements are in the order of the project, coordinates last.
     """
     words, units = verdict_words(result), units_of(result)
     keep, exact = list_names_like_lengths(result), exact_lengths(result)
@@ -189,10 +198,7 @@ def results_json(result: Result) -> m.Results:
                 "status": rows.status[k],
                 "words": status_text(rows, k),
             }
-            for k in sorted(
-                range(len(rows.name)),
-                key=lambda row: (rows.status[row] == "ok", rows.kind[row] == "coordinate"),
-            )
+            for k in order_shapes_first(rows)
             for text in [measurement_text(rows, k, units)]
         ],
     }

@@ -535,6 +535,9 @@ def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object
         "brightened": pictures.ground is not None and pictures.ground.brightened,
         "key": key_plan(result),
         "units_word": "metres" if units_of(result).length == "m" else "feet",
+        "grid_words": "east (E) and north (N) of the origin"
+        if result.world.gauge == "world"
+        else "from the origin to the right (x) and up (y); no direction of the compass is known",
     }
 
 

@@ -133,7 +133,7 @@ def draw_frame(
     unit, u, origin = table_unit(units), drawing.unit, sheet(np.zeros(2))
     step_m = round_bar(most_step * u / sheet.scale, units)[0]
     lines: list[Floats] = []
-    for axis, name in enumerate("EN"):
+    for axis, name in enumerate("EN" if is_north_known else "xy"):
         step = step_m * sheet.scale * (1.0 if axis == 0 else -1.0)
         reach = sorted((edge[axis] - origin[axis]) / step for edge in (drawing.low, drawing.high))
         for count in np.arange(np.ceil(reach[0]), np.floor(reach[1]) + 1):
