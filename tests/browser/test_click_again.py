@@ -131,6 +131,8 @@ def test_a_second_click_far_from_the_first_is_asked_about_and_taken_back(
             found = [row for row in read_rows(tmp_path / "picks.csv") if row["label"] == "New"]
             return [(float(row["u_px"]), float(row["v_px"])) for row in found]
 
+        expect(page.get_by_label("Label", exact=True).first).to_have_value("New")
+        expect(page.locator("p.hint")).to_contain_text("Next click: marks New once more")
         page.mouse.click(*to_page(page, u + 80.0, v - 60.0))
         expect(question).to_contain_text("This click is 100 px from your first one on New")
         question.get_by_role("button", name="Take it back").click()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from large_photos import write_large_project
 from opened_pages import PageOpener
-from picking_pages import eventually, to_page, wait_until_adjusted
+from picking_pages import click_mark, eventually, place, to_page, wait_until_adjusted
 from picking_projects import PickingProject
 from picking_server import Served, served
 from playwright.sync_api import expect
@@ -119,6 +119,26 @@ def test_a_button_accepts_all_that_was_found_surely_and_nothing_else(
     page.keyboard.press("Control+z")  # one step
     eventually(page, lambda: len(sampled.picking.state.picks) == before)
     assert not open_page.errors
+
+
+def test_a_refused_name_stays_to_be_corrected(
+    planted: PickingProject, open_page: PageOpener
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        place(page, "A", *planted.marks_px[0])
+        click_mark(page, "A")
+        field = page.get_by_role("form", name="Point A").get_by_label("Label")
+        field.fill("left; front")
+        field.press("Enter")
+        expect(page.locator("#notice")).to_contain_text("cannot hold a semicolon")
+        expect(field).to_have_value("left; front")
+        expect(field).to_have_attribute("aria-invalid", "true")
+        field.fill("left front")
+        field.press("Enter")
+        renamed = page.get_by_role("form", name="Point left front").get_by_label("Label")
+        expect(renamed).to_have_value("left front")
+        assert not [one for one in open_page.errors if "409" not in one]
 
 
 def test_a_reading_that_another_tab_changes_is_shown_in_the_focused_field(

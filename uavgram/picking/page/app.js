@@ -145,6 +145,7 @@ class App {
   // Restores the fields, so that refused input is not shown as valid.
   /** @param {Change | null} change */
   refused(change) {
+    if (change?.t === "rename") this.state.refusedName = { label: change.label, name: change.new };
     if (change?.t === "rename" || change?.t === "merge" || change?.t === "split") this.tools.select(change.label);
     for (const part of ["pick", "lengths"]) drop(part);
     this.refreshSoon(ALL);

@@ -249,7 +249,9 @@ def make_refusal(why: str) -> str:
     """Return a document that explains how to get an address with a valid token."""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>uavgram pick</title>'
-        '<meta name="color-scheme" content="light dark">'
+        "<style>body { margin: 12vh auto; max-width: 620px; padding: 0 24px; color: #e8eaed; "
+        "background: #1c2025; font: 16px/1.5 system-ui, sans-serif; } h1 { font-size: 22px; }"
+        "</style>"
         '<link rel="icon" href="data:,">'  # or the browser would ask for one, and be refused again
         f"<h1>This page needs a fresh address</h1><p>{html.escape(why)} Nothing is lost.</p>"
         "<p>Start uavgram once more, the same way as before: by its icon on the desktop, or by "

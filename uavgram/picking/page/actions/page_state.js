@@ -38,6 +38,8 @@ export class PageState {
     this.hidesMarks = false; // during repeated clicks: marks are hidden and take no clicks
     this.magnifies = true;
     this.spaceHeld = false; // a drag pans while it is held
+    /** @type {{ label: string, name: string } | null} */
+    this.refusedName = null; // as typed, to be corrected
     this.typed = false; // the label was typed since the last point was placed
     /** @type {AskedPlace | null} */
     this.asked = null;

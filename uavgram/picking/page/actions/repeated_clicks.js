@@ -32,8 +32,9 @@ export class Again {
   }
 
   next() {
-    const { notice, panes: { active }, state } = this.tools;
+    const { names, notice, panes: { active }, state } = this.tools;
     const [one] = this.left;
+    if (active && (one || state.hidesMarks)) names.put(one ? one.label : names.next(active.image), true);
     state.hidesMarks = Boolean(one);
     document.body.classList.toggle("again", state.hidesMarks);
     if (!one || !active) {
@@ -45,6 +46,7 @@ export class Again {
     active.moved();
     notice.stay(spot(one.image, one.u_px + shifted(BESIDE_PX), one.v_px + shifted(BESIDE_PX), `Surroundings of ${one.label}`, CROP_PX),
       `Click ${one.label} again in the photo: it is near the middle of this small picture. ${this.left.length} left; Esc ends.`);
+    this.tools.rebuild();
   }
 
   /** Takes a click if it belongs to the round; returns whether it does. @param {Pane} pane @param {number} u_px @param {number} v_px */

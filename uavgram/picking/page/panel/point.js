@@ -28,7 +28,8 @@ export function pointPart(state, image, tools) {
 
 /** @param {string} label @param {Pick | undefined} pick @param {Height} height @param {Tools} tools @param {HTMLElement | null} edits */
 function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, tools, edits) {
-  const { heights } = tools;
+  const { heights, state: { refusedName } } = tools;
+  const refused = refusedName?.label === label ? refusedName.name : null;
   /** @param {string} name @param {string} caption @param {number | string | null} value @param {string} usual @param {(value: number | null) => void} act @param {(text: string) => number} [read] */
   const field = (name, caption, value, usual, act, read) => node("label", { title: meaning(caption) }, caption, node("input", {
     name, value: value ?? "", inputmode: "decimal", placeholder: usual, autocomplete: "off", onchange: ({ target }) => tools.number(as(HTMLInputElement, target), act, read),
@@ -42,7 +43,7 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
     choice("Free", "Its height is found from two or more photos (Q)", Boolean(is_free), () => heights.free([label])));
   roving(choices);
   return node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); if (!tools.question.isOpen) tools.panes.active?.focus(); } },
-    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => renamed(label, as(HTMLInputElement, target), tools) })),
+    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: refused ?? label, "aria-invalid": refused ? "true" : null, maxlength: 200, autocomplete: "off", onchange: ({ target }) => renamed(label, as(HTMLInputElement, target), tools) })),
     pick && field("sigma", "Likely error (sigma), px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
     pick?.source ? node("p", { class: "both dim made" }, `${madeBy(pick)}. Move it, and it is yours.`) : null,
     stated,
@@ -53,7 +54,8 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
 
 // Keeps the valid name in the field until the new one is confirmed.
 /** @param {string} label @param {HTMLInputElement} field @param {Tools} tools */
-function renamed(label, field, { edits }) {
+function renamed(label, field, { edits, state }) {
+  state.refusedName = null;
   edits.rename(label, field.value);
   Object.assign(field, { value: label });
 }

@@ -78,7 +78,7 @@ function compared(mends) {
   const labels = new Set(swaps.flat().flatMap(({ label, other }) => [label, other]));
   const rows = [...labels].map((label) => node("span", {}, `${label} `, ...picksOf(label).slice(0, MOST_COMPARED).map(({ image, u_px, v_px }) => spot(image, u_px, v_px, `${label} in ${store.photos[image].name}`, SPOT_PX))));
   const photos = new Set([...labels].flatMap((label) => picksOf(label).map(({ image }) => image)));
-  const how = photos.size > 2 ? "Compare the places, and take the photo in which they differ from the others:" : "Two photos do not show which: compare the places with your notes or a sketch, and take the photo in which they are exchanged:";
+  const how = photos.size > 2 ? "Compare the places, and take the photo in which they differ from the others:" : "Compare the places with your notes or a sketch, as two photos do not show which, and take the photo in which they are exchanged:";
   return node("span", { class: "compared" }, `Only one of these is right. ${how}`, ...rows);
 }
 

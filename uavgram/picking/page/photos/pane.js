@@ -204,8 +204,8 @@ export class Pane {
   // Updates the line of numbers beneath the photo.
   showReadout() {
     const [u, v] = this.pointed ?? [];
-    const place = u === undefined || v === undefined ? "" : `u ${u.toFixed(2)}  v ${v.toFixed(2)} px \u00b7 `;
-    const scale = this.state.shown.residuals && picksIn(this.image).length ? ` \u00b7 misfits drawn ${residualScale(this.image)} times as long` : "";
+    const place = u === undefined || v === undefined ? "" : `column ${u.toFixed(1)}, row ${v.toFixed(1)} \u00b7 `;
+    const scale = this.state.shown.residuals && picksIn(this.image).length ? ` \u00b7 pink: misfits drawn ${residualScale(this.image)} times as long` : "";
     const away = !this.photo || this.contains(...this.view.middle) ? "" : " \u00b7 beside the photo: F shows it";
     this.readout.textContent = `${place}zoom \u00d7${this.view.scale.toPrecision(3)}${scale}${away}`;
   }
