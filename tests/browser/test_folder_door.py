@@ -299,8 +299,9 @@ def test_a_photo_that_cannot_be_used_is_left_out_of_a_project_and_taken_back(
     if loss == "cut off":
         photo.write_bytes(whole[:-200])
     elif "turned" in loss:
-        turned = np.rot90(cv2.imdecode(np.frombuffer(whole, np.uint8), cv2.IMREAD_COLOR))
-        photo.write_bytes(cv2.imencode(".jpg", turned)[1].tobytes())
+        picture = cv2.imdecode(np.frombuffer(whole, np.uint8), cv2.IMREAD_COLOR)
+        assert picture is not None
+        photo.write_bytes(cv2.imencode(".jpg", np.rot90(picture))[1].tobytes())
     else:
         photo.unlink()
     (home / "flight" / "picks.csv").write_text(

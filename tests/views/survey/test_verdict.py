@@ -18,7 +18,7 @@ from uavgram.model.message import Message, Remedy
 from uavgram.model.naming import IMPERIAL, METRIC
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.result.tables import FrameStatus, MeasurementResults
 from uavgram.stages.products.map_layers import features_of
 from uavgram.views.formatting import format_with_sigma, order_computed_first, order_worst_first
 from uavgram.views.recording.labels import measured_text, survey_labels
@@ -285,5 +285,6 @@ def test_the_height_of_the_cameras_shows_lengths_in_another_unit() -> None:
     result = survey.build(clean=True)
     assert describe_height(result, METRIC) == "Cameras about 42 m above the ground: is that right?"
     assert "about 138 feet above" in describe_height(result, IMPERIAL)
-    unused = replace(result.frames, status=("seeded",) * len(result.frames.status))
+    seeded: FrameStatus = "seeded"
+    unused = replace(result.frames, status=tuple(seeded for _ in result.frames.status))
     assert describe_height(replace(result, frames=unused), METRIC) == ""
