@@ -35,6 +35,7 @@ CASES: dict[str, dict[str, Any]] = {
     "free heights on rough ground": {"thirds": True, "verge": (0, 1, 2, 5), "roughness": 0.05},
     "free heights, lengths alone": {"thirds": True, "telemetry": False, "gauge": "plane"},
     "a tape, lengths alone": {"tapes": True, "telemetry": False, "gauge": "plane"},
+    "unknown camera, lengths alone": {"unknown": True, "telemetry": False, "gauge": "plane"},
 }
 
 
@@ -42,6 +43,7 @@ CASES: dict[str, dict[str, Any]] = {
 def test_every_jacobian_equals_central_differences(case: str) -> None:
     wanted = dict(CASES[case])
     taped, thirds = wanted.pop("tapes", False), wanted.pop("thirds", False)
+    is_unknown = wanted.pop("unknown", False)
     scene = make_scene(3, **wanted)
     if thirds:
         scene = with_third_coordinates(scene, free=(0, 7), stated={3: 0.1, 8: 0.02})
@@ -49,6 +51,11 @@ def test_every_jacobian_equals_central_differences(case: str) -> None:
         ways: tuple[Along, ...] = ("slope", "horizontal", "slope")
         scene = read_on_tapes(scene, {"": 0.02, "red": -0.03}, sigma=0.001, along=ways)
     survey = with_relief(scene.survey) if case.startswith("relief") else scene.survey
+    if is_unknown:
+        poor = 1e4 * survey.calibration.covariance
+        survey = replace(
+            survey, calibration=replace(survey.calibration, covariance=poor, is_unknown=True)
+        )
     lines = np.ones(len(survey.line_start), dtype=bool)
     problem = SurveyProblem(survey, scene.pivot, lines)
     layout = problem.layout
@@ -150,11 +157,24 @@ def scene_of(name: str) -> Scene:
     if name == "heights":
         scene = make_scene(3, heights={0: 1.5, 3: 2.0, 4: -0.5}, control=2)
         return with_third_coordinates(scene, free=(0, 7), stated={3: 0.1, 8: 0.02})
+    if name == "unknown camera":
+        scene = make_scene(3)
+        camera = scene.survey.calibration
+        poor = replace(camera, covariance=1e4 * camera.covariance, is_unknown=True)
+        return replace(scene, survey=replace(scene.survey, calibration=poor))
     return known_scene(3, name)[0]
 
 
 @pytest.mark.parametrize(
-    "name", ["rows, ties, matches", "relief, control", "no log, tapes", "heights", "right_angle"]
+    "name",
+    [
+        "rows, ties, matches",
+        "relief, control",
+        "no log, tapes",
+        "heights",
+        "unknown camera",
+        "right_angle",
+    ],
 )
 def test_residuals_and_derivatives_are_those_of_each_state(name: str) -> None:
     problem, truth = problem_of(scene_of(name))
