@@ -192,7 +192,7 @@ def try_hypothesis(
 
 def _compute_wald(value: Floats, covariance: Floats) -> float:
     """Compute the squared size of (q,) estimated amounts in their sigmas (Wald's statistic)."""
-    return float(value @ np.linalg.solve(covariance, value))
+    return float(value @ np.linalg.pinv(covariance, hermitian=True) @ value)
 
 
 def _bound_cost(diagnosis: Diagnosis, hypothesis: Hypothesis, paid: float) -> float:
