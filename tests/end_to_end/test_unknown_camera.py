@@ -144,7 +144,7 @@ def test_what_the_photos_say_is_used_where_they_say_something(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("other", "words"),
     [
-        ({"size": (300, 400)}, "b.jpg: is 300 x 400 px"),
+        ({"size": (300, 400)}, "b.jpg: is turned by 90 degrees (300 x 400 px"),
         ({"make": "Parrot", "model": "BEBOP 2"}, "b.jpg: comes from another camera"),
     ],
 )
