@@ -15,6 +15,7 @@ from playwright.sync_api import Locator, Page, expect
 
 from uavgram.model.result.reliability import Reason, Verdict
 from uavgram.model.result.result import Result
+from uavgram.picking.session.session import PickSession
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 LOADED = "all => all.length > 0 && all.every(one => one.naturalWidth > 0)"
@@ -39,6 +40,17 @@ def unchecked(result: Result) -> Result:
         measurements=("D1",),
     )
     return replace(result, verdict=Verdict(level="amber", reasons=(reason,)))
+
+
+def leave_unchecked(picking: PickSession, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let each adjustment of a session end with the two points that nothing checks."""
+    adjust = picking.survey.adjust
+
+    def adjusted(observed: Observations) -> LiveAdjustment:
+        found = adjust(observed)
+        return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
+
+    monkeypatch.setattr(picking.survey, "adjust", adjusted)
 
 
 def check_picture(page: Page, label: str) -> None:
@@ -66,13 +78,7 @@ def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
 ) -> None:
     project = write_large_project(tmp_path, 1600, 1200, labels=25)
     with served(project) as server:
-        survey, adjust = server.picking.survey, server.picking.survey.adjust
-
-        def adjusted(observed: Observations) -> LiveAdjustment:
-            found = adjust(observed)
-            return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
-
-        monkeypatch.setattr(survey, "adjust", adjusted)
+        leave_unchecked(server.picking, monkeypatch)
         page = open_page(server)
         for label, at in PLACES.items():
             place(page, label, *at)
@@ -112,13 +118,7 @@ def test_a_second_click_far_from_the_first_is_asked_about_and_taken_back(
     tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
-        survey, adjust = server.picking.survey, server.picking.survey.adjust
-
-        def adjusted(observed: Observations) -> LiveAdjustment:
-            found = adjust(observed)
-            return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
-
-        monkeypatch.setattr(survey, "adjust", adjusted)
+        leave_unchecked(server.picking, monkeypatch)
         page = open_page(server)
         u, v = PLACES["New"]
         place(page, "New", u, v)
@@ -149,13 +149,7 @@ def test_escape_ends_the_round(
     tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
-        survey, adjust = server.picking.survey, server.picking.survey.adjust
-
-        def adjusted(observed: Observations) -> LiveAdjustment:
-            found = adjust(observed)
-            return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
-
-        monkeypatch.setattr(survey, "adjust", adjusted)
+        leave_unchecked(server.picking, monkeypatch)
         page = open_page(server)
         place(page, "New", *PLACES["New"])
         page.keyboard.press("Escape")

@@ -260,7 +260,7 @@ def remedies_json(
 
 
 def _are_compared(mends: Iterable[m.Mend]) -> bool:
-    """Return whether remedies are swaps in several photos, of which the page shows the places."""
+    """Return whether the remedies swap labels in several photos, whose places the page shows."""
     swaps = [one for one in mends if any(change["t"] == "swap" for change in one["changes"])]
     return len(swaps) > 1
 

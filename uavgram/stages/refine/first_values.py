@@ -434,7 +434,8 @@ def find_unusable_picks(survey: Survey, values: FirstValues) -> dict[int, LeftOu
     shared = np.bincount(own[:, 0], minlength=frames)
     checked = seen | (shared >= MIN_PICKS) | (survey.telemetry is not None)
     why = np.where(one_place, 2, placed & checked[frame])
-    why[survey.off_ground[label] & (up >= values.center[frame, 2])] = 3
+    is_stated = survey.height_above_m[label] != 0.0
+    why[is_stated & (up >= values.center[frame, 2])] = 3
     causes = (NOT_JOINED, NO_GROUND, NO_HEIGHT, ABOVE_CAMERA)
     return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}
 

@@ -224,7 +224,7 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
 
 
 def _report_moved(survey: Survey, refined: Refined) -> Iterator[Message]:
-    """Ask whether several points were moved, of which picks were left out in some photos.
+    """Report several points that lost picks in some photos, and ask whether they were moved.
 
     The remaining picks of each agree, but may be from before and after a car was moved.
     """

@@ -554,7 +554,7 @@ def report_faults(faults: Faults, evidence: FlightEvidence, frames: Frames) -> I
     evidence
         Evidence with the stated resets.
     frames
-        Frames, of which the matched ones have an instant.
+        Frames; those that are matched have an instant.
     """
     for code in dict.fromkeys(fault.kind for fault in faults):
         alike = [fault for fault in faults if fault.kind == code]

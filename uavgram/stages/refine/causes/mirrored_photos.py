@@ -64,7 +64,7 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     pixel = _mirror_pixels(survey)
     yield Hypothesis(
         message=partial(
-            _report_mirrored, by_control=is_shown, is_alone=survey.telemetry is not None
+            _report_mirrored, by_control=is_shown, or_axes=is_shown and survey.telemetry is None
         ),
         mend=SurveyCorrection(
             pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}
@@ -81,7 +81,7 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 def propose_exchanged_axes(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose that east and north of all control points are exchanged.
 
-    Only the log tells it from mirrored photos.
+    Without a log, mirrored photos fit the control points as well.
     """
     survey = diagnosis.survey
     if survey.telemetry is None or not shows_mirrored_control(survey):
@@ -110,8 +110,10 @@ def _exchange_axes(survey: Survey) -> Survey:
     """
     exchanged = survey.control_world_m[:, [1, 0, 2]]
     sigma = survey.control_sigma_m[:, [1, 0, 2]]
-    shown_m = find_first_values(survey)[0].point_m[survey.control_label]
-    exchanged[:, :2] += np.nanmean(shown_m - exchanged[:, :2], axis=0)
+    shift_m = find_first_values(survey)[0].point_m[survey.control_label] - exchanged[:, :2]
+    is_shown = np.isfinite(shift_m).all(axis=1)
+    if is_shown.any():
+        exchanged[:, :2] += shift_m[is_shown].mean(axis=0)
     return free_places(replace(survey, control_world_m=exchanged, control_sigma_m=sigma))
 
 
@@ -235,13 +237,14 @@ def _mirror_pixels(survey: Survey) -> Floats:
 
 
 def _report_mirrored(
-    _: HypothesisTest | None, *, by_control: bool = False, is_alone: bool = True
+    _: HypothesisTest | None, *, by_control: bool = False, or_axes: bool = False
 ) -> Message:
+    """Report mirrored photos, shown by control or a log; or exchanged axes of control."""
     witness = "the control points fit" if by_control else "the log fits"
     other = " Or east and north of the control points are exchanged: look at their file."
     text = (
         f"All photos seem to have been mirrored when they were picked: {witness} only then. Pick "
         "them again in the original files, as the camera wrote them. Until then coordinates and "
-        f"directions are mirrored.{'' if is_alone else other}"
+        f"directions are mirrored.{other if or_axes else ''}"
     )
     return Message("warning", "photos-mirrored", text)
