@@ -138,6 +138,7 @@ def test_a_refused_name_stays_to_be_corrected(
         field.press("Enter")
         renamed = page.get_by_role("form", name="Point left front").get_by_label("Label")
         expect(renamed).to_have_value("left front")
+        assert renamed.get_attribute("aria-invalid") is None
         assert not [one for one in open_page.errors if "409" not in one]
 
 

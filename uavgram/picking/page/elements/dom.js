@@ -18,7 +18,7 @@ const listened = new Set();
 /**
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} tag
- * @param {Record<string, Attribute>} attributes "on...": a listener; false, null and undefined: none, except for aria-...
+ * @param {Record<string, Attribute>} attributes "on...": a listener; null and undefined: none; false: none, except for aria-...
  * @param {...Child} children
  */
 export function node(tag, attributes = {}, ...children) {
@@ -28,8 +28,9 @@ export function node(tag, attributes = {}, ...children) {
       listened.add(name);
       Object.assign(made, { [name]: value });
     }
+    else if (value === null || value === undefined) continue;
     else if (name.startsWith("aria-")) made.setAttribute(name, `${value}`);
-    else if (value !== false && value !== null && value !== undefined) made.setAttribute(name, value === true ? "" : `${value}`);
+    else if (value !== false) made.setAttribute(name, value === true ? "" : `${value}`);
   }
   for (const child of children) if (child !== null && child !== undefined) made.append(typeof child === "number" ? `${child}` : child);
   return made;
