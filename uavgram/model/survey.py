@@ -475,6 +475,8 @@ class SurveyCorrection:
         Known lengths that were taped horizontally.
     free
         Label to whether its height is an unknown (True) or it is on the ground (False).
+    apart
+        Picks that show their points elsewhere than the other picks do, as after a car was moved.
     """
 
     label_of_pick: Mapping[int, int] = field(default_factory=dict)
@@ -486,11 +488,12 @@ class SurveyCorrection:
     without_lines: frozenset[int] = frozenset()
     level: frozenset[int] = frozenset()
     free: Mapping[int, bool] = field(default_factory=dict)
+    apart: frozenset[int] = frozenset()
 
     @property
     def picks(self) -> frozenset[int]:
         """Picks that it keeps but changes."""
-        return frozenset(self.label_of_pick) | frozenset(self.pixel_of_pick)
+        return frozenset(self.label_of_pick) | frozenset(self.pixel_of_pick) | self.apart
 
     @property
     def lines(self) -> frozenset[int]:

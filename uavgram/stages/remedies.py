@@ -114,7 +114,7 @@ def make_remedy(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     parts = (
         _labels(survey, mend),
         _places(survey, mend),
-        _picks(survey, sorted(mend.without_picks)),
+        _picks(survey, sorted(mend.without_picks | mend.apart)),
         _lengths(survey, mend),
         _ends(survey, mend),
         propose_length_removal([_line(survey, k) for k in sorted(mend.without_lines)]),

@@ -17,7 +17,7 @@ from scipy.special import gammaincc, gammaln
 
 from uavgram.estimation.reliability.redundancy import limit_gross_errors
 from uavgram.estimation.solver.levenberg_marquardt import MAX_UNDAMPED_REDUCTION, minimise
-from uavgram.estimation.solver.normal_equations import Block, SingularError
+from uavgram.estimation.solver.normal_equations import Block, SingularError, compute_gradient
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.observation import Member
@@ -81,7 +81,7 @@ def compare_hypotheses(
     Parameters
     ----------
     adjustment
-        Converged adjustment.
+        The adjustment, at its minimum or near it.
     hypotheses
         Each hypothesis by the groups that it moves, all with the same number of unknowns.
     checked
@@ -91,8 +91,8 @@ def compare_hypotheses(
     Notes
     -----
     With residuals v (predicted minus observed), directions C and normal matrix N = A^T A, the
-    unknowns are x = -R^-1 C^T v with R = C^T (I - A N^-1 A^T) C, as A^T v = 0 at the minimum; the
-    sum of squares falls by x^T R x.
+    unknowns are x = -R^-1 C^T (v - A N^-1 A^T v) with R = C^T (I - A N^-1 A^T) C; at the minimum
+    A^T v is zero. The sum of squares falls by x^T R x.
     """
     if not hypotheses:
         return ()
@@ -118,11 +118,13 @@ def compare_hypotheses(
         plain.append(own)
     # One solution for all hypotheses: N^-1 A^T C.
     solved = adjustment.minimum.factor.solve(right)
+    gradient = compute_gradient(blocks.values(), size)
     found = []
     for start, count, score, own in zip(first, counts, scores, plain, strict=False):
         span = slice(int(start), int(start) + count)
+        information = own - right[:, span].T @ solved[:, span]
         found.append(
-            _test_hypothesis(score, own, own - right[:, span].T @ solved[:, span], checked)
+            _test_hypothesis(score - solved[:, span].T @ gradient, own, information, checked)
         )
     return tuple(found)
 

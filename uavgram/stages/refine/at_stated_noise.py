@@ -350,6 +350,7 @@ def _are_all_left_out(given: Survey, robust: Robust, found: IdentifiedCauses) ->
 
 TURNED_FRAME = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
 WRONG_LABEL = LeftOut(LeftOutCause.GROSS, "it fits under another label of its photo")
+MOVED_POINT = LeftOut(LeftOutCause.GROSS, "its point was moved between the photos")
 """Reason why picks of a photo are wrong: all of them (`TURNED`), or some."""
 
 
@@ -369,7 +370,12 @@ def _leave_out_wrong_picks(
     others = int(refined.line_removed.sum()) + len(refined.pose_widened)
     if not found.wrong or (found.wrong == frozenset(spoilt) and not others):
         return taking
-    return taking.leave_out_picks(_reasons(taking.survey, sorted(found.wrong)))
+    mends = [one.hypothesis.mend for one in found.judged if one.hypothesis.mend is not None]
+    moved = frozenset[int]().union(
+        *(mend.apart | mend.without_picks for mend in mends if mend.apart)
+    )
+    reason = _reasons(taking.survey, sorted(found.wrong - moved))
+    return taking.leave_out_picks(reason | dict.fromkeys(sorted(found.wrong & moved), MOVED_POINT))
 
 
 def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:

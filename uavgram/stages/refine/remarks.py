@@ -29,7 +29,7 @@ from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
-from uavgram.model.naming import FOOT_M, format_digits, format_misfit, join_names, join_photo_names
+from uavgram.model.naming import FOOT_M, format_digits, format_misfit, join_names
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.remedies import add_remedies, report_not_located
 
@@ -66,7 +66,7 @@ WEAK_SIGMA = 0.01
 
 def report_refinement(survey: Survey, refined: Refined) -> tuple[Message, ...]:
     """Collect the messages on the result: picks left out, removals, ambiguity, no convergence."""
-    messages = [*_report_left_out(survey, refined), *_report_moved(survey, refined)]
+    messages = [*_report_left_out(survey, refined)]
     messages += [
         _removal_message(removal, removal.before)
         for removal in refined.removals
@@ -174,10 +174,6 @@ def _as_in(survey: Survey, units: Sequence[str]) -> Iterator[SurveyCorrection]:
             yield SurveyCorrection(length_m=dict(enumerate(of_line.tolist())))
 
 
-MIN_MOVED = 2
-"""Number of points with picks that were left out from which they may have been moved together."""
-
-
 def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
     """Report left-out picks of the remaining frames, and each frame without any pick once."""
     frames: dict[str, Counter[str]] = {}
@@ -221,34 +217,6 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
                 LOOK_AT_PICKS,
             ),
         )
-
-
-def _report_moved(survey: Survey, refined: Refined) -> Iterator[Message]:
-    """Report several points that lost picks in some photos, and ask whether they were moved.
-
-    The remaining picks of each agree, but may be from before and after a car was moved.
-    """
-    explained = {name for cause in refined.causes for name in cause.message.labels}
-    used = set(survey.pick_label[refined.pick_index].tolist())
-    moved: dict[str, set[str]] = {}
-    for index, reason in refined.pick_reason.items():
-        label = int(survey.pick_label[index])
-        if reason.cause is LeftOutCause.GROSS and label in used:
-            photo = survey.frame_id[survey.pick_frame[index]]
-            moved.setdefault(survey.label[label], set()).add(photo)
-    labels = sorted(moved.keys() - explained)
-    if len(labels) < MIN_MOVED:
-        return
-    photos = sorted(set().union(*(moved[label] for label in labels)))
-    yield Message(
-        "warning",
-        "points-moved",
-        f"The points {join_names(map(repr, labels))} are elsewhere in {join_photo_names(photos)} "
-        "than in the other photos. Was something moved between the photos, such as a car? Then "
-        "give the points another label from there on; otherwise pick them again.",
-        frames=tuple(photos),
-        labels=tuple(labels),
-    )
 
 
 def _removal_message(removal: Removal, before: Refined) -> Message:

@@ -283,7 +283,7 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
         for line in mend.level:
             written[line] = "horizontal"
         along = tuple(written)
-    return replace(
+    changed = replace(
         survey,
         pick_label=label,
         pixel_px=pixel,
@@ -293,4 +293,29 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
         length_m=length,
         is_free=free,
         line_along=along,
+    )
+    return _set_apart(changed, mend.apart) if mend.apart else changed
+
+
+def name_moved(label: str) -> str:
+    """Return the name of the other place of a point that was moved."""
+    return f"{label} (moved)"
+
+
+def _set_apart(survey: Survey, apart: frozenset[int]) -> Survey:
+    """Give points that some picks show elsewhere a second label, for those picks."""
+    picks = np.array(sorted(apart))
+    moved, row = np.unique(survey.pick_label[picks], return_inverse=True)
+    label = survey.pick_label.copy()
+    label[picks] = len(survey.label) + row
+    each = np.append(np.arange(len(survey.label)), moved)
+    return replace(
+        survey,
+        pick_label=label,
+        label=(*survey.label, *(name_moved(survey.label[k]) for k in moved)),
+        height_above_m=survey.height_above_m[each],
+        height_sigma_m=survey.height_sigma_m[each],
+        is_free=survey.is_free[each],
+        identification_sigma_m=survey.identification_sigma_m[each],
+        area=survey.area[each],
     )

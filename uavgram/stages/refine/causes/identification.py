@@ -43,6 +43,7 @@ from uavgram.stages.refine.causes.mirrored_photos import (
     propose_all_mirrored,
     propose_exchanged_axes,
 )
+from uavgram.stages.refine.causes.moved_points import propose_moved_points
 from uavgram.stages.refine.causes.other_camera import (
     propose_other_camera_file,
     propose_other_lens,
@@ -121,6 +122,7 @@ COMMON_ERRORS: tuple[Proposal, ...] = (
     propose_other_units,
     propose_common_errors,
     propose_taped_level,
+    propose_moved_points,
     propose_all_mirrored,
     propose_exchanged_axes,
     propose_swapped_everywhere,
@@ -321,8 +323,11 @@ def add_possible(found: IdentifiedCauses, possible: Sequence[JudgedHypothesis]) 
 def _list_wrong_picks(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> frozenset[int]:
     """List the picks that a cause proves wrong: none where another cause explains as much."""
     one = best.hypothesis
-    if best.after is None or one.mend is None or rival or one.equal or not one.is_clear:
+    if best.after is None or one.mend is None or rival:
         return frozenset()
+    if one.equal or not one.is_clear:
+        # Of two places of a point, either is right, but not both.
+        return one.mend.apart | one.mend.without_picks if one.mend.apart else frozenset()
     return one.mend.picks | one.mend.without_picks
 
 
