@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
+from itertools import combinations
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.special import gammaln
+from numpy.typing import NDArray
+from scipy.special import chdtri, gammaln
 
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
@@ -30,8 +32,10 @@ from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
     Diagnosis,
     Hypothesis,
+    correct_participants,
     name_moved,
 )
+from uavgram.stages.refine.minima import FULL, adjust_on_trial
 
 STEP_M = 0.01
 """Step [m] for the derivatives of pixels by the place of a point."""
@@ -53,8 +57,12 @@ worst, that are tested to be moved with others; and number of these with which t
 MAX_PROPOSED = 3
 """Number of photos from which on the points may have been moved, the most promising ones."""
 
-LOG_SIGNIFICANCE = float(np.log(0.001))
-"""Logarithm of the probability below which points were not moved together."""
+LOG_SIGNIFICANCE, MAX_MISFIT = float(np.log(0.001)), float(chdtri(2, 0.001))
+"""Logarithm of the probability below which points were not moved together; and squared misfit of a
+point of that probability."""
+
+
+_Complexes: TypeAlias = NDArray[np.complex128]
 
 
 class _Moved(NamedTuple):
@@ -98,22 +106,56 @@ def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         key=lambda one: 2.0 * one.price - one.gain,
     )
     for one in promising[:MAX_PROPOSED]:
-        own = np.isin(adjustment.survey.pick_label, one.label)
-        parts = [diagnosis.refined.pick_index[own & part] for part in (one.is_later, ~one.is_later)]
-        # The part with more picks shows the points better; nothing shows which one is asked for.
-        apart, kept = sorted(parts, key=len)
         names = [adjustment.survey.label[k] for k in one.label]
+        names = _choose_by_motion(diagnosis, names, one.is_later)
+        if len(names) < LEAST_MOVED:
+            continue
+        apart, kept = _divide_picks(diagnosis, names, one.is_later)
         yield Hypothesis(
             message=partial(_moved_message, survey, names, apart, kept),
             mend=_set_apart(survey, apart),
             equal=(_set_apart(survey, kept),),
             is_clear=False,
-            begun=lambda state: state,
+            is_of_all=True,
             settled=partial(_fit_motion, names=names),
             promise=one.gain,
             price=one.price + float(np.log(splits)),
             settles=frozenset(survey.frame_id[k] for k in survey.pick_frame[apart]),
         )
+
+
+def _divide_picks(diagnosis: Diagnosis, names: Sequence[str], is_later: Bools) -> tuple[Ints, Ints]:
+    """Divide the picks of points by their two places: the fewer, and the others.
+
+    The part with more picks shows the points better; nothing shows which one is asked for.
+    """
+    survey = diagnosis.adjustment.survey
+    own = np.isin(survey.pick_label, diagnosis.adjustment.label_rows(names))
+    parts = (diagnosis.refined.pick_index[own & part] for part in (is_later, ~is_later))
+    fewer, more = sorted(parts, key=len)
+    return fewer, more
+
+
+def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_later: Bools) -> list[str]:
+    """Choose those of some points that were moved together, by an adjustment with two places each.
+
+    In a scene that is distorted by the motion the linear model selects others with them.
+    """
+    apart, _ = _divide_picks(diagnosis, names, is_later)
+    taking = correct_participants(diagnosis, _set_apart(diagnosis.survey, apart))
+    refined = adjust_on_trial(taking, FULL)
+    if refined is None:
+        return []
+    pairs = _pair_places(refined.adjustment, names)
+    if len(pairs.names) < LEAST_MOVED:
+        return []
+    best: list[int] = []
+    for pair in combinations(range(len(pairs.names)), 2):
+        turn, shift = _fit_rigid(pairs, list(pair))
+        off = pairs.compute_misfits(turn, shift)
+        agree = np.flatnonzero((off < MAX_MISFIT) & (pairs.compute_misfits(1.0, 0.0) > MAX_MISFIT))
+        best = max(best, agree.tolist(), key=len)
+    return [pairs.names[k] for k in best]
 
 
 def _set_apart(survey: Survey, picks: Ints) -> SurveyCorrection:
@@ -214,6 +256,60 @@ def _shift(
     return ObservationChange("pixels", rows, shifted.reshape(len(rows), 2, -1))
 
 
+class _Places(NamedTuple):
+    """Points with two places, as complex numbers east + i north [m].
+
+    Attributes
+    ----------
+    names
+        (n,) names of the points.
+    before, after
+        (n,) their two places.
+    covariance
+        (4n, 4n) of east and north of all first places, then of all second ones.
+    """
+
+    names: list[str]
+    before: _Complexes
+    after: _Complexes
+    covariance: Floats
+
+    def compute_difference_covariance(self, turn: complex) -> Floats:
+        """Compute the covariance (2n, 2n) of second places minus rotated first ones."""
+        rotation = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
+        count = len(self.names)
+        difference = np.hstack([-np.kron(np.eye(count), rotation), np.eye(2 * count)])
+        return np.asarray(difference @ self.covariance @ difference.T)
+
+    def compute_misfits(self, turn: complex, shift: complex) -> Floats:
+        """Compute the squared misfits (n,) of a motion at each point, in its own covariance."""
+        away = self.after - turn * self.before - shift
+        off = np.stack([away.real, away.imag], axis=1)
+        count = len(self.names)
+        spread = self.compute_difference_covariance(turn).reshape(count, 2, count, 2)
+        own = spread[np.arange(count), :, np.arange(count), :]
+        return np.asarray(np.einsum("nr,nr->n", off, np.linalg.solve(own, off[..., None])[..., 0]))
+
+
+def _pair_places(adjustment: Adjustment, names: Sequence[str]) -> _Places:
+    """Return both places of points; those of free height may have none by one photo."""
+    row = np.array([adjustment.label_rows([one, name_moved(one)]) for one in names])
+    is_placed = (row >= 0).all(axis=1)
+    own = [one for one, placed in zip(names, is_placed, strict=True) if placed]
+    place, covariance = adjustment.joint_points(row[is_placed].T.ravel())
+    plane = (3 * np.arange(len(place))[:, None] + np.arange(2)).ravel()
+    before, after = np.split(place[:, :2] @ np.array([1.0, 1.0j]), 2)
+    return _Places(own, before, after, covariance[np.ix_(plane, plane)])
+
+
+def _fit_rigid(pairs: _Places, some: Sequence[int]) -> tuple[complex, complex]:
+    """Fit the rotation, as a complex number of size one, and the shift of some points."""
+    z, w = pairs.before[some], pairs.after[some]
+    turn = complex(np.sum((w - w.mean()) * (z - z.mean()).conj()))
+    turn /= abs(turn) or 1.0
+    return turn, complex(w.mean() - turn * z.mean())
+
+
 def _fit_motion(adjustment: Adjustment, names: Sequence[str]) -> tuple[Floats, Floats] | None:
     """Fit the motion (3,) of points: shift of their middle [m] and rotation, and its covariance.
 
@@ -228,37 +324,27 @@ def _fit_motion(adjustment: Adjustment, names: Sequence[str]) -> tuple[Floats, F
     -------
     None where the points were not moved together.
     """
-    row = np.array([adjustment.label_rows([one, name_moved(one)]) for one in names])
-    row = row[(row >= 0).all(axis=1)]  # a point of free height has no place by one photo
-    count = len(row)
+    pairs = _pair_places(adjustment, names)
+    count = len(pairs.names)
     if count < LEAST_MOVED:
         return None
-    place, covariance = adjustment.joint_points(row.T.ravel())
-    before, after = (
-        part[:, :2] - part[:, :2].mean(axis=0) for part in (place[:count], place[count:])
-    )
-    shift = place[count:, :2].mean(axis=0) - place[:count, :2].mean(axis=0)
-    # Rotation about the middle, as complex numbers; then one Gauss-Newton step.
-    z, w = (part @ np.array([1.0, 1.0j]) for part in (before, after))
-    angle = float(np.angle(np.sum(w * z.conj())))
-    turned = z * np.exp(1.0j * angle)
-    misfit = np.stack([(w - turned).real, (w - turned).imag], axis=1).ravel()
+    turn, shift = _fit_rigid(pairs, range(count))
+    away = pairs.after - turn * pairs.before - shift
+    turned = turn * (pairs.before - pairs.before.mean())
+    # One Gauss-Newton step from there, with the covariance of the places.
     design = np.zeros((2 * count, MOTION_SIZE))
     design[0::2, 0] = design[1::2, 1] = 1.0
     design[0::2, 2], design[1::2, 2] = -turned.imag, turned.real
-    # Covariance of the differences: after minus rotated before.
-    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    difference = np.hstack([-np.kron(np.eye(count), rotation), np.eye(2 * count)])
-    plane = (3 * np.arange(2 * count)[:, None] + np.arange(2)).ravel()
-    spread = difference @ covariance[np.ix_(plane, plane)] @ difference.T
-    weight = np.linalg.pinv(spread, hermitian=True)
+    misfit = np.stack([away.real, away.imag], axis=1).ravel()
+    weight = np.linalg.pinv(pairs.compute_difference_covariance(turn), hermitian=True)
     normal = np.linalg.pinv(design.T @ weight @ design, hermitian=True)
     step = normal @ (design.T @ weight @ misfit)
     rest = misfit - design @ step
     squares, degrees = float(rest @ weight @ rest), 2 * count - MOTION_SIZE
     if compute_log_probability(squares, degrees) < LOG_SIGNIFICANCE:
         return None
-    return np.array([*shift, angle]) + step, normal
+    middle = complex((pairs.after - pairs.before).mean())
+    return np.array([middle.real, middle.imag, np.angle(turn)]) + step, normal
 
 
 def _moved_message(
