@@ -116,7 +116,7 @@ def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             mend=_set_apart(survey, apart),
             equal=(_set_apart(survey, kept),),
             is_clear=False,
-            is_of_all=True,
+            begun=lambda state: state,
             settled=partial(_fit_motion, names=names),
             promise=one.gain,
             price=one.price + float(np.log(splits)),
@@ -155,7 +155,9 @@ def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_later: Bool
         off = pairs.compute_misfits(turn, shift)
         agree = np.flatnonzero((off < MAX_MISFIT) & (pairs.compute_misfits(1.0, 0.0) > MAX_MISFIT))
         best = max(best, agree.tolist(), key=len)
-    return [pairs.names[k] for k in best]
+    # Points of free height without a second place cannot be tested.
+    alike = {pairs.names[k] for k in best}
+    return [one for one in names if alike and (one in alike or one not in pairs.names)]
 
 
 def _set_apart(survey: Survey, picks: Ints) -> SurveyCorrection:
