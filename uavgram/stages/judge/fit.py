@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from scipy.special import ndtr
 
 from uavgram.estimation.reliability.redundancy import (
@@ -17,7 +18,6 @@ from uavgram.estimation.reliability.redundancy import (
     compute_upper_tail,
     limit_gross_errors,
 )
-from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Kind
@@ -28,6 +28,7 @@ from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.result import GroupFactor
 from uavgram.model.result.tables import KnownResults, LineResults, PointChecks
 from uavgram.model.survey import Survey
+from uavgram.stages.judge.length_faults import find_length_faults
 
 MISFIT_PROBABILITY = 0.001
 """Probability by chance below which observations do not fit."""
@@ -305,16 +306,13 @@ def judge_majority(
 
 
 def _faults(refined: Refined, lines: LineResults, out: Sequence[bool]) -> dict[str, object]:
-    """Return the fault of each length that does not fit: a cause, a likely mistake, or itself.
+    """Return the fault of each length that does not fit: a cause, or one of its own.
 
-    Several lengths in another unit have one fault.
+    Several lengths in another unit, or that end at one wrong point, have one fault.
     """
     causes = {name: ("cause", k) for k, one in enumerate(refined.causes) for name in one.settles}
-    sigma = lines.adjusted_sigma_m
-    return {
-        name: causes.get(name)
-        or explain_length(lines.length_m[i], lines.sigma_m[i], lines.adjusted_m[i], sigma[i])
-        or ("length", i)
-        for i, name in enumerate(lines.name)
-        if out[i] or lines.status[i] == "suspect"
-    }
+    wrong = [i for i, status in enumerate(lines.status) if out[i] or status == "suspect"]
+    seen = {i: (lines.adjusted_m[i], lines.adjusted_sigma_m[i]) for i in wrong}
+    fitting = np.flatnonzero([status == "used" for status in lines.status])
+    faults = find_length_faults(lines, seen, fitting)
+    return {lines.name[i]: causes.get(lines.name[i]) or fault for i, fault in faults.items()}

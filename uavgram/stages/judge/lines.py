@@ -14,10 +14,11 @@ from uavgram.estimation.survey.observations.lengths import describe_ends, select
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures
 from uavgram.model.message import Message, MessagePlural, propose_length_removal
-from uavgram.model.naming import format_digits, format_misfit
+from uavgram.model.naming import format_digits, format_misfit, join_names
 from uavgram.model.observations import KnownLines
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
+from uavgram.stages.judge.length_faults import LengthFault, find_length_faults
 from uavgram.stages.judge.picks import find_rows
 from uavgram.stages.judge.suspects import list_contested
 from uavgram.stages.judge.tested_survey import TestedSurvey
@@ -208,24 +209,23 @@ def _left_out(
     seen = np.isfinite(seen_m)  # otherwise an end is not adjusted, and has its own message
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in contested}
     out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
-    what = {
-        i: explain_length(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out
-    }
-    alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
-    groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
+    seen_at = {i: (seen_m[i], sigma_m[i]) for i in out}
+    is_used = (survey_index >= 0) & ~np.isin(survey_index, np.flatnonzero(refined.line_removed))
+    fault = find_length_faults(lines, seen_at, np.flatnonzero(is_used))
+    groups = [[i for i in out if fault[i] == key] for key in dict.fromkeys(fault.values())]
     messages = []
     for group in groups:
         names = tuple(lines.name[i] for i in group)
         mend, *instead = read_first([propose_length_removal(names)])
+        ends = tuple(dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in group))))
+        at = fault[group[0]].end
         messages.append(
             Message(
                 "warning",
-                "line-left-out",
-                _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
+                "point-not-taped" if at else "line-left-out",
+                _text(refined, lines, group, fault[group[0]], (seen_m, sigma_m)),
                 lengths=names,
-                labels=tuple(
-                    dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in group)))
-                ),
+                labels=(at,) if at else ends,
                 mend=mend,
                 instead=tuple(one for one in instead if one is not None),
             )
@@ -237,27 +237,36 @@ def _text(
     refined: Refined,
     lines: KnownLines,
     found: list[int],
-    what: str,
+    fault: LengthFault,
     adjusted: tuple[Floats, Floats],
 ) -> str:
-    ask = f": {what}?" if what else ""
+    ask = f": {fault.mistake}?" if fault.mistake else ""
     taped = [f"{lines.length_m[i]:.10g} m taped" for i in found]
     seen = [
         f"{format_digits(adjusted[0][i], 4)} ± {format_digits(adjusted[1][i])} m" for i in found
     ]
+    names = [lines.name[i] for i in found]
+    items = "; ".join(
+        f"{name!r} {given}, {is_} seen" for name, given, is_ in zip(names, taped, seen, strict=True)
+    )
+    witnesses = _list_contradicting(refined)
+    if fault.end and len(found) > 1:
+        return (
+            f"The point {fault.end!r} seems to be another one than was taped: the lengths "
+            f"{join_names(map(repr, names))} end there and contradict {witnesses}, and so they "
+            f"were left out ({items}). Look whether {fault.end!r} was clicked on the right thing "
+            "in all photos; else read these lengths again."
+        )
     if len(found) == 1:
         name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
         opening = (
             f"The length {describe_ends(name, start, end)} was left out: {taped[0]}, but "
-            f"{_list_contradicting(refined)} show {seen[0]}{ask or '.'}"
+            f"{witnesses} show {seen[0]}{ask or '.'}"
         )
     else:
-        names = [lines.name[i] for i in found]
-        each = zip(names, taped, seen, strict=True)
-        items = "; ".join(f"{name!r} {given}, {is_} seen" for name, given, is_ in each)
         opening = (
             f"{len(found)} lengths were left out, wrong in one way by the evidence of "
-            f"{_list_contradicting(refined)}{ask} {items}."
+            f"{witnesses}{ask} {items}."
         )
     return (
         f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "
