@@ -202,9 +202,13 @@ def _places(layer: Layer, origin: Origin) -> tuple[Floats, ...]:
     if layer.name == "camera_poses":
         above = tuple(center[:, 2] for center in layer.vertices_m)
     shapes = layer.transform(lambda enu: _on_globe(enu, origin))
-    for shape, heights in zip(shapes, above, strict=bool(above)):
-        shape[:, 2] = np.resize(heights, len(shape))  # the last vertex of a ring is its first
-    return shapes
+    if not above:
+        return shapes
+    # The last vertex of a ring is its first.
+    return tuple(
+        np.column_stack([shape[:, :2], np.resize(heights, len(shape))])
+        for shape, heights in zip(shapes, above, strict=True)
+    )
 
 
 def _on_globe(enu: Floats, origin: Origin) -> Floats:
