@@ -371,9 +371,7 @@ def _leave_out_wrong_picks(
     if not found.wrong or (found.wrong == frozenset(spoilt) and not others):
         return taking
     mends = [one.hypothesis.mend for one in found.judged if one.hypothesis.mend is not None]
-    moved = frozenset[int]().union(
-        *(mend.apart | mend.without_picks for mend in mends if mend.apart)
-    )
+    moved = frozenset[int]().union(*(mend.apart for mend in mends))
     reason = _reasons(taking.survey, sorted(found.wrong - moved))
     return taking.leave_out_picks(reason | dict.fromkeys(sorted(found.wrong & moved), MOVED_POINT))
 

@@ -38,6 +38,9 @@ tried."""
 POSE_SIZE = 3
 """Number of observed numbers that a wrong pose of the log counts as: its position, or direction."""
 
+HEIGHT_SIGMA_M = 2.0
+"""Sigma of the height above the ground of an ordinary thing, such as a car [m]."""
+
 CONTRADICTING = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
 """Causes of left-out picks that a person should check."""
 
@@ -309,13 +312,18 @@ def _set_apart(survey: Survey, apart: frozenset[int]) -> Survey:
     label = survey.pick_label.copy()
     label[picks] = len(survey.label) + row
     each = np.append(np.arange(len(survey.label)), moved)
+    # At its second place a point of free height has the height of an ordinary thing: one photo may
+    # show it alone.
+    is_free, sigma_m = survey.is_free[each], survey.height_sigma_m[each]
+    second = np.arange(len(each)) >= len(survey.label)
+    sigma_m[second & is_free] = HEIGHT_SIGMA_M
     return replace(
         survey,
         pick_label=label,
         label=(*survey.label, *(name_moved(survey.label[k]) for k in moved)),
         height_above_m=survey.height_above_m[each],
-        height_sigma_m=survey.height_sigma_m[each],
-        is_free=survey.is_free[each],
+        height_sigma_m=sigma_m,
+        is_free=is_free & ~second,
         identification_sigma_m=survey.identification_sigma_m[each],
         area=survey.area[each],
     )

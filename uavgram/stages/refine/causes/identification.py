@@ -327,7 +327,7 @@ def _list_wrong_picks(best: JudgedHypothesis, rival: JudgedHypothesis | None) ->
         return frozenset()
     if one.equal or not one.is_clear:
         # Of two places of a point, either is right, but not both.
-        return one.mend.apart | one.mend.without_picks if one.mend.apart else frozenset()
+        return one.mend.apart
     return one.mend.picks | one.mend.without_picks
 
 

@@ -8,6 +8,7 @@ common shift and rotation are one object that was moved, and all others keep the
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple, TypeAlias
@@ -55,7 +56,7 @@ worst, that are tested to be moved with others; and number of these with which t
 """
 
 MAX_PROPOSED = 3
-"""Number of photos from which on the points may have been moved, the most promising ones."""
+"""Number of parts of the photos, the most promising ones, that may show the points elsewhere."""
 
 LOG_SIGNIFICANCE, MAX_MISFIT = float(np.log(0.001)), float(chdtri(2, 0.001))
 """Logarithm of the probability below which points were not moved together; and squared misfit of a
@@ -72,8 +73,8 @@ class _Moved(NamedTuple):
     ----------
     label
         Labels (m,) of the adjustment.
-    is_later
-        (P,) picks of the adjustment in the photos after the motion.
+    is_apart
+        (F,) photos that show them elsewhere than the other photos do.
     gain
         Decrease of the sum of squares in the linear model.
     choices
@@ -81,68 +82,86 @@ class _Moved(NamedTuple):
     """
 
     label: tuple[int, ...]
-    is_later: Bools
+    is_apart: Bools
     gain: float
     choices: int
 
     @property
+    def key(self) -> tuple[frozenset[int], bytes]:
+        """Points and photos."""
+        return frozenset(self.label), self.is_apart.tobytes()
+
+    @property
     def price(self) -> float:
-        """Logarithm of the odds against this motion of these points."""
+        """Logarithm of the odds against this motion of these points, between these photos."""
         m, n = len(self.label), self.choices
         subsets = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1)
-        return MOTION_SIZE * GROSS_ERROR_LOG_ODDS + float(subsets)
+        # The photos may be in any order.
+        parts = (len(self.is_apart) - 1) * np.log(2.0)
+        return MOTION_SIZE * GROSS_ERROR_LOG_ODDS + float(subsets + parts)
+
+    @property
+    def surplus(self) -> float:
+        """Decrease of the sum of squares beyond the price."""
+        return self.gain - 2.0 * self.price
 
 
 def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose that several points were moved together between two photos."""
+    """Propose that several points were moved together between the photos."""
     adjustment, survey = diagnosis.adjustment, diagnosis.survey
-    splits = len(adjustment.survey.frame_id) - 1
-    if not 0 < splits < MAX_PHOTOS:
+    count = len(adjustment.survey.frame_id)
+    if not 1 < count <= MAX_PHOTOS:
         return
-    along = _compute_derivatives(adjustment)
-    found = (_find_moved(adjustment, along, first) for first in range(1, splits + 1))
-    promising = sorted(
-        (one for one in found if one is not None and one.gain > 2.0 * one.price),
-        key=lambda one: 2.0 * one.price - one.gain,
-    )
-    for one in promising[:MAX_PROPOSED]:
+    search = _Search(adjustment, _compute_derivatives(adjustment))
+    # Each photo alone, and all from each photo on. The first photo is always one of the others.
+    alone, from_on = np.eye(count, dtype=np.bool_), np.triu(np.ones((count, count), dtype=np.bool_))
+    parts = [*alone[1:], ~alone[0], *from_on[2:-1]] if count > 2 else [alone[1]]
+    found = [one for one in map(search.find_points, parts) if one is not None]
+    found.sort(key=lambda one: -one.surplus)
+    improved = {one.key: one for one in map(search.improve_photos, found[:MAX_PROPOSED])}
+    for one in improved.values():
+        if one.surplus <= 0.0:
+            continue
         names = [adjustment.survey.label[k] for k in one.label]
-        names = _choose_by_motion(diagnosis, names, one.is_later)
+        names = _choose_by_motion(diagnosis, names, one.is_apart)
         if len(names) < LEAST_MOVED:
             continue
-        apart, kept = _divide_picks(diagnosis, names, one.is_later)
+        apart, kept = _divide_picks(diagnosis, names, one.is_apart)
         yield Hypothesis(
             message=partial(_moved_message, survey, names, apart, kept),
-            mend=_set_apart(survey, apart),
-            equal=(_set_apart(survey, kept),),
+            mend=SurveyCorrection(apart=frozenset(apart.tolist())),
+            equal=(SurveyCorrection(apart=frozenset(kept.tolist())),),
             is_clear=False,
             begun=lambda state: state,
             settled=partial(_fit_motion, names=names),
             promise=one.gain,
-            price=one.price + float(np.log(splits)),
+            price=one.price,
             settles=frozenset(survey.frame_id[k] for k in survey.pick_frame[apart]),
         )
 
 
-def _divide_picks(diagnosis: Diagnosis, names: Sequence[str], is_later: Bools) -> tuple[Ints, Ints]:
+def _divide_picks(diagnosis: Diagnosis, names: Sequence[str], is_apart: Bools) -> tuple[Ints, Ints]:
     """Divide the picks of points by their two places: the fewer, and the others.
 
     The part with more picks shows the points better; nothing shows which one is asked for.
     """
     survey = diagnosis.adjustment.survey
+    frame = survey.pick_frame
     own = np.isin(survey.pick_label, diagnosis.adjustment.label_rows(names))
-    parts = (diagnosis.refined.pick_index[own & part] for part in (is_later, ~is_later))
+    parts = (
+        diagnosis.refined.pick_index[own & part] for part in (is_apart[frame], ~is_apart[frame])
+    )
     fewer, more = sorted(parts, key=len)
     return fewer, more
 
 
-def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_later: Bools) -> list[str]:
+def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_apart: Bools) -> list[str]:
     """Choose those of some points that were moved together, by an adjustment with two places each.
 
     In a scene that is distorted by the motion the linear model selects others with them.
     """
-    apart, _ = _divide_picks(diagnosis, names, is_later)
-    taking = correct_participants(diagnosis, _set_apart(diagnosis.survey, apart))
+    apart, _ = _divide_picks(diagnosis, names, is_apart)
+    taking = correct_participants(diagnosis, SurveyCorrection(apart=frozenset(apart.tolist())))
     refined = adjust_on_trial(taking, FULL)
     if refined is None:
         return []
@@ -155,23 +174,7 @@ def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_later: Bool
         off = pairs.compute_misfits(turn, shift)
         agree = np.flatnonzero((off < MAX_MISFIT) & (pairs.compute_misfits(1.0, 0.0) > MAX_MISFIT))
         best = max(best, agree.tolist(), key=len)
-    # Points of free height without a second place cannot be tested.
-    alike = {pairs.names[k] for k in best}
-    return [one for one in names if alike and (one in alike or one not in pairs.names)]
-
-
-def _set_apart(survey: Survey, picks: Ints) -> SurveyCorrection:
-    """Set picks apart that show their points at another place.
-
-    Those of a point of free height in one photo are left out: they do not determine its place.
-    """
-    label, frame = survey.pick_label[picks], survey.pick_frame[picks]
-    photos = {k: len(np.unique(frame[label == k])) for k in np.unique(label).tolist()}
-    is_placed = np.array([photos[k] > 1 or not survey.is_free[k] for k in label.tolist()])
-    return SurveyCorrection(
-        apart=frozenset(picks[is_placed].tolist()),
-        without_picks=frozenset(picks[~is_placed].tolist()),
-    )
+    return [pairs.names[k] for k in best]
 
 
 def _compute_derivatives(adjustment: Adjustment) -> Floats:
@@ -191,71 +194,88 @@ def _compute_derivatives(adjustment: Adjustment) -> Floats:
     return np.nan_to_num(along)
 
 
-def _find_moved(adjustment: Adjustment, along: Floats, first: int) -> _Moved | None:
-    """Find the points that were moved before a photo, by stepwise selection in the linear model.
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Search for moved points, by stepwise selection in the linear model.
 
     The photos alone show only a motion of the points against each other: those that moved are fewer
     than those that stayed.
 
-    Parameters
+    Attributes
     ----------
     adjustment
         The survey with all points at one place each.
     along
         (P, 2, 2) derivatives of the picks by the places of their points.
-    first
-        First photo after the motion.
     """
-    survey = adjustment.survey
-    is_later, count = survey.pick_frame >= first, len(survey.label)
-    seen = [np.bincount(survey.pick_label[part], minlength=count) for part in (is_later, ~is_later)]
-    in_both = np.flatnonzero((seen[0] > 0) & (seen[1] > 0)).tolist()
 
-    def compute_gains(sets: Sequence[Sequence[int]]) -> list[float]:
-        changes = [(_shift(survey, along, labels, is_later),) for labels in sets]
-        return [one.gain for one in compare_hypotheses(adjustment, changes)]
+    adjustment: Adjustment
+    along: Floats
 
-    def add_points(moved: list[int]) -> list[int]:
+    def find_points(self, is_apart: Bools) -> _Moved | None:
+        """Find the points that are elsewhere in some (F,) photos; None for less than two."""
+        survey, count = self.adjustment.survey, len(self.adjustment.survey.label)
+        there = is_apart[survey.pick_frame]
+        seen = [np.bincount(survey.pick_label[part], minlength=count) for part in (there, ~there)]
+        in_both = np.flatnonzero((seen[0] > 0) & (seen[1] > 0)).tolist()
+        gains = self._compute_gains([[label] for label in in_both], is_apart)
+        alone = dict(zip(in_both, gains, strict=True))
+        likely = sorted(in_both, key=lambda label: -alone[label])
+        # In a distorted scene the point that explains most may not be one of those that were moved.
+        begun = [label for label in likely if alone[label] > LEAST_DECREASE][:MAX_BEGUN]
+        selected = (self._add_points([label], likely, is_apart) for label in begun)
+        found = filter(None, (self._drop_points(one, is_apart, len(in_both)) for one in selected))
+        return max(found, key=lambda one: one.gain - LEAST_DECREASE * len(one.label), default=None)
+
+    def improve_photos(self, found: _Moved) -> _Moved:
+        """Move photos between the two parts as long as that explains more."""
+        while True:
+            # The first photo stays, as the parts may as well be exchanged.
+            turned = found.is_apart ^ np.eye(len(found.is_apart), dtype=np.bool_)[1:]
+            others = [one for one in map(self.find_points, turned) if one is not None]
+            best = max(others, key=lambda one: one.surplus, default=found)
+            if best.surplus <= found.surplus:
+                return found
+            found = best
+
+    def _add_points(self, moved: list[int], likely: Sequence[int], is_apart: Bools) -> list[int]:
         """Add the point that explains most, until none explains much."""
-        (gain,) = compute_gains([moved])
-        while 2 * len(moved) < len(in_both):
-            others = [label for label in tested if label not in moved][:MAX_TESTED]
-            gains = compute_gains([[*moved, label] for label in others])
+        (gain,) = self._compute_gains([moved], is_apart)
+        while 2 * len(moved) < len(likely):
+            others = [label for label in likely if label not in moved][:MAX_TESTED]
+            gains = self._compute_gains([[*moved, label] for label in others], is_apart)
             best = int(np.argmax(gains))
             if gains[best] < gain + LEAST_DECREASE:
                 break
             moved, gain = [*moved, others[best]], gains[best]
         return moved
 
-    def drop_points(moved: list[int]) -> _Moved | None:
+    def _drop_points(self, moved: list[int], is_apart: Bools, choices: int) -> _Moved | None:
         """Drop points that explain little once the others were selected."""
-        (gain,) = compute_gains([moved])
+        (gain,) = self._compute_gains([moved], is_apart)
         while len(moved) >= LEAST_MOVED:
             without = [[one for one in moved if one != label] for label in moved]
-            gains = compute_gains(without)
+            gains = self._compute_gains(without, is_apart)
             best = int(np.argmax(gains))
             if gains[best] < gain - LEAST_DECREASE:
-                return _Moved(tuple(moved), is_later, gain, len(in_both))
+                return _Moved(tuple(moved), is_apart, gain, choices)
             moved, gain = without[best], gains[best]
         return None
 
-    alone = dict(zip(in_both, compute_gains([[label] for label in in_both]), strict=True))
-    tested = sorted(in_both, key=lambda label: -alone[label])
-    # In a distorted scene the point that explains most may not be one of those that were moved.
-    begun = [label for label in tested if alone[label] > LEAST_DECREASE][:MAX_BEGUN]
-    found = filter(None, (drop_points(add_points([label])) for label in begun))
-    return max(found, key=lambda one: one.gain - LEAST_DECREASE * len(one.label), default=None)
-
-
-def _shift(
-    survey: Survey, along: Floats, labels: Sequence[int], is_later: Bools
-) -> ObservationChange:
-    """Return the effect of a shift of each of some points on the later picks."""
-    rows = np.flatnonzero(is_later & np.isin(survey.pick_label, labels))
-    column = np.searchsorted(np.sort(labels), survey.pick_label[rows])
-    shifted = np.zeros((len(rows), 2, len(labels), 2))
-    shifted[np.arange(len(rows)), :, column] = along[rows]
-    return ObservationChange("pixels", rows, shifted.reshape(len(rows), 2, -1))
+    def _compute_gains(self, sets: Sequence[Sequence[int]], is_apart: Bools) -> list[float]:
+        """Compute the decrease of the sum of squares for each set of points that were moved."""
+        survey = self.adjustment.survey
+        there = is_apart[survey.pick_frame]
+        changes = []
+        for labels in sets:
+            rows = np.flatnonzero(there & np.isin(survey.pick_label, labels))
+            column = np.searchsorted(np.sort(labels), survey.pick_label[rows])
+            shifted = np.zeros((len(rows), 2, len(labels), 2))
+            shifted[np.arange(len(rows)), :, column] = self.along[rows]
+            changes.append(
+                (ObservationChange("pixels", rows, shifted.reshape(len(rows), 2, 2 * len(labels))),)
+            )
+        return [one.gain for one in compare_hypotheses(self.adjustment, changes)]
 
 
 class _Places(NamedTuple):
@@ -294,7 +314,7 @@ class _Places(NamedTuple):
 
 
 def _pair_places(adjustment: Adjustment, names: Sequence[str]) -> _Places:
-    """Return both places of points; those of free height may have none by one photo."""
+    """Return both places of points; those without one by few photos are missing."""
     row = np.array([adjustment.label_rows([one, name_moved(one)]) for one in names])
     is_placed = (row >= 0).all(axis=1)
     own = [one for one, placed in zip(names, is_placed, strict=True) if placed]
