@@ -55,6 +55,9 @@ MAX_PHOTOS, MAX_TESTED, MAX_BEGUN = 30, 12, 6
 worst, that are tested to be moved with others; and number of these with which the selection begins.
 """
 
+MAX_ROUNDS = 4
+"""Largest number of adjustments that choose the points that were moved."""
+
 MAX_PROPOSED = 3
 """Number of parts of the photos, the most promising ones, that may show the points elsewhere."""
 
@@ -156,24 +159,38 @@ def _divide_picks(diagnosis: Diagnosis, names: Sequence[str], is_apart: Bools) -
 
 
 def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_apart: Bools) -> list[str]:
-    """Choose those of some points that were moved together, by an adjustment with two places each.
+    """Choose those of some points that were moved together, by adjustments with two places each.
 
-    In a scene that is distorted by the motion the linear model selects others with them.
+    In a scene that is distorted by the motion the linear model selects others with them; without
+    these, the next adjustment is nearer to the truth.
     """
-    apart, _ = _divide_picks(diagnosis, names, is_apart)
-    taking = correct_participants(diagnosis, SurveyCorrection(apart=frozenset(apart.tolist())))
-    refined = adjust_on_trial(taking, FULL)
-    if refined is None:
-        return []
-    pairs = _pair_places(refined.adjustment, names)
-    if len(pairs.names) < LEAST_MOVED:
-        return []
+    chosen, alike = list(names), list[str]()
+    for _ in range(MAX_ROUNDS):
+        apart, _ = _divide_picks(diagnosis, chosen, is_apart)
+        taking = correct_participants(diagnosis, SurveyCorrection(apart=frozenset(apart.tolist())))
+        refined = adjust_on_trial(taking, FULL)
+        frames = None if refined is None else refined.adjustment.survey.frame_id
+        if refined is None or frames != diagnosis.adjustment.survey.frame_id:
+            return []
+        alike = _find_common_motion(refined.adjustment, chosen)
+        search = _Search(refined.adjustment, _compute_derivatives(refined.adjustment))
+        ranked = search.rank_points(is_apart)
+        more = [k for k in ranked if ranked[k] > LEAST_DECREASE][:MAX_BEGUN]
+        others = [refined.adjustment.survey.label[k] for k in more]
+        if len(alike) < LEAST_MOVED or set(chosen) == {*alike, *others}:
+            break
+        chosen = [*alike, *others]
+    return alike
+
+
+def _find_common_motion(adjustment: Adjustment, names: Sequence[str]) -> list[str]:
+    """Find the most points with one motion other than none, by the motions of all pairs."""
+    pairs = _pair_places(adjustment, names)
+    has_moved = pairs.compute_misfits(1.0, 0.0) > MAX_MISFIT
     best: list[int] = []
     for pair in combinations(range(len(pairs.names)), 2):
-        turn, shift = _fit_rigid(pairs, list(pair))
-        off = pairs.compute_misfits(turn, shift)
-        agree = np.flatnonzero((off < MAX_MISFIT) & (pairs.compute_misfits(1.0, 0.0) > MAX_MISFIT))
-        best = max(best, agree.tolist(), key=len)
+        off = pairs.compute_misfits(*_fit_rigid(pairs, list(pair)))
+        best = max(best, np.flatnonzero((off < MAX_MISFIT) & has_moved).tolist(), key=len)
     return [pairs.names[k] for k in best]
 
 
@@ -212,19 +229,24 @@ class _Search:
     adjustment: Adjustment
     along: Floats
 
-    def find_points(self, is_apart: Bools) -> _Moved | None:
-        """Find the points that are elsewhere in some (F,) photos; None for less than two."""
+    def rank_points(self, is_apart: Bools) -> dict[int, float]:
+        """Rank the points in both parts of the (F,) photos by what a motion of each explains."""
         survey, count = self.adjustment.survey, len(self.adjustment.survey.label)
         there = is_apart[survey.pick_frame]
         seen = [np.bincount(survey.pick_label[part], minlength=count) for part in (there, ~there)]
         in_both = np.flatnonzero((seen[0] > 0) & (seen[1] > 0)).tolist()
         gains = self._compute_gains([[label] for label in in_both], is_apart)
-        alone = dict(zip(in_both, gains, strict=True))
-        likely = sorted(in_both, key=lambda label: -alone[label])
+        ranked = sorted(zip(in_both, gains, strict=True), key=lambda pair: -pair[1])
+        return dict(ranked)
+
+    def find_points(self, is_apart: Bools) -> _Moved | None:
+        """Find the points that are elsewhere in some (F,) photos; None for less than two."""
+        ranked = self.rank_points(is_apart)
+        likely = [*ranked]
         # In a distorted scene the point that explains most may not be one of those that were moved.
-        begun = [label for label in likely if alone[label] > LEAST_DECREASE][:MAX_BEGUN]
+        begun = [label for label in likely if ranked[label] > LEAST_DECREASE][:MAX_BEGUN]
         selected = (self._add_points([label], likely, is_apart) for label in begun)
-        found = filter(None, (self._drop_points(one, is_apart, len(in_both)) for one in selected))
+        found = filter(None, (self._drop_points(one, is_apart, len(likely)) for one in selected))
         return max(found, key=lambda one: one.gain - LEAST_DECREASE * len(one.label), default=None)
 
     def improve_photos(self, found: _Moved) -> _Moved:
