@@ -78,21 +78,26 @@ def is_displaced(examined: TestedSurvey) -> bool:
     return "position_bias" in suspects
 
 
-def find_unconfirmed_ends(examined: TestedSurvey) -> set[str]:
-    """Find labels at the ends of left-out lengths that no other reading confirms.
+def find_unconfirmed_points(examined: TestedSurvey) -> set[str]:
+    """Find labels of left-out lengths, known things and control that no other reading confirms.
 
-    Where a length does not fit, its reading may be right and the label of an end wrong. Another
-    length, a known thing or a control point that fits shows that the label is right.
+    Where one does not fit, it may be right and the point clicked on another thing. A known thing or
+    a control point that fits shows that the label is right, and so do two lengths: one alone shows
+    it in its own direction.
     """
-    adjusted, settled = examined.adjustment.survey, examined.refined.settled
-    used = np.zeros(len(adjusted.line_start), dtype=np.bool_)
-    used[examined.adjustment.problem.line_index] = True
-    explained = np.isin(adjusted.line_name or [""] * len(used), sorted(settled))
-    ends = np.stack([adjusted.line_start, adjusted.line_end])
-    confirmed = {*ends[:, used].ravel().tolist(), *adjusted.control_label.tolist()}
-    confirmed |= {label for thing in examined.adjustment.problem.known for label in thing.label}
-    unconfirmed = {*ends[:, ~used & ~explained].ravel().tolist()} - confirmed
-    return {adjusted.label[k] for k in unconfirmed}
+    adjustment, refined = examined.adjustment, examined.refined
+    survey, used = adjustment.survey, adjustment.problem.line_index
+    ends = np.concatenate([survey.line_start[used], survey.line_end[used]])
+    lengths = np.bincount(ends, minlength=len(survey.label))
+    confirmed = {*np.flatnonzero(lengths > 1).tolist(), *survey.control_label.tolist()}
+    confirmed |= {label for thing in adjustment.problem.known for label in thing.label}
+    left_out = {
+        label
+        for one in refined.left_out
+        if one.kind != "pixels" and one.name not in refined.settled
+        for label in one.labels
+    }
+    return left_out - {survey.label[k] for k in confirmed}
 
 
 def _change_without(group: TestedGroup, member: Member, solved: Floats) -> Floats:
@@ -231,7 +236,7 @@ def _find_doubtful_labels(
     if any(_effect(m) is Effect.ALL_DOUBTFUL or m.code in harmless for m in messages):
         return set(examined.adjustment.survey.label)
     named = {label for m in messages if _effect(m) in _DOUBTS for label in m.labels}
-    return named | find_unconfirmed_ends(examined)
+    return named | find_unconfirmed_points(examined)
 
 
 def _list_used_lengths(adjustment: Adjustment) -> set[str]:
