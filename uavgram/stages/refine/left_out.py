@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -22,7 +23,7 @@ from uavgram.model.message import (
     propose_photo_removal,
     propose_swap,
 )
-from uavgram.model.naming import format_digits, join_names
+from uavgram.model.naming import format_digits, join_names, join_photo_names
 from uavgram.model.survey import Survey
 from uavgram.stages.refine.off_ground import MIN_HEIGHT_SIGMAS
 
@@ -240,8 +241,24 @@ def report_poses_left_out(refined: Refined) -> Iterator[Message]:
     whitening = problem.telemetry_whitening
     residual = np.linalg.solve(whitening, blocks["telemetry"].residual[..., None])[..., 0]
     row = {problem.survey.frame_id[k]: i for i, k in enumerate(prior.frame_index.tolist())}
-    for frame in refined.pose_widened:
-        if frame not in row:
+    strained = [frame for frame in refined.pose_widened if frame in row]
+    center = refined.adjustment.state.center[prior.frame_index]
+    exchanged = _find_exchanged(
+        center, center - residual[:, :3], [row[frame] for frame in strained]
+    )
+    names = {k: problem.survey.frame_id[prior.frame_index[k]] for pair in exchanged for k in pair}
+    for one, other in exchanged:
+        pair = (names[one], names[other])
+        yield Message(
+            "warning",
+            "photos-exchanged",
+            f"The photos {join_photo_names(pair)} seem to be exchanged: each was taken at the "
+            "recorded position of the other. Those positions hardly count. Look whether the files, "
+            "their names or their picks are exchanged.",
+            frames=pair,
+        )
+    for frame in strained:
+        if frame in names.values():
             continue
         own = residual[row[frame]]
         apart_m = float(np.linalg.norm(own[:3]))
@@ -263,6 +280,30 @@ def report_poses_left_out(refined: Refined) -> Iterator[Message]:
             ),
             instead=(propose_photo_removal(frame),),
         )
+
+
+MAX_EXCHANGE_SHARE = 0.3
+"""Distance of two photos from each other's recorded positions, as a share of the distances from
+their own, up to which they may be exchanged."""
+
+
+def _find_exchanged(center: Floats, logged: Floats, strained: Sequence[int]) -> list[list[int]]:
+    """Find pairs of photos each of which is at the position that the log has for the other.
+
+    Parameters
+    ----------
+    center, logged
+        (n, 3) adjusted and recorded positions [m].
+    strained
+        Rows of the photos that are elsewhere than recorded.
+    """
+    found: list[list[int]] = []
+    for pair in map(list, combinations(strained, 2)):
+        own = np.linalg.norm(center[pair] - logged[pair], axis=1).min()
+        crosswise = np.linalg.norm(center[pair] - logged[pair[::-1]], axis=1).max()
+        if crosswise < MAX_EXCHANGE_SHARE * own and not np.isin(pair, found).any():
+            found.append(pair)
+    return found
 
 
 def _find_adjusted_control(
