@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import Scene, make_scene
+from scenes import INTRINSICS, Scene, about_z, cv_pixels, make_scene
 
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.model.message import Message
@@ -23,25 +24,108 @@ from uavgram.stages.refine.minima import Participants
 from uavgram.stages.refine.noise import report_noise
 from uavgram.stages.refine.robust_candidate import MISPLACED
 
+Motion = tuple[float, float, float]
+"""Shift to the east and north [m], and rotation about the points' middle [rad]."""
 
-def moved_in(scene: Scene, labels: tuple[int, ...], frames: tuple[int, ...]) -> Survey:
-    """Move the picks of some labels in some photos alike."""
-    survey = scene.survey
+
+def show_moved(
+    scene: Scene, labels: tuple[int, ...], frames: tuple[int, ...], motion: Motion
+) -> Survey:
+    """Show some points of a scene moved on the ground, in some photos."""
+    survey, moved = scene.survey, scene.world.copy()
+    own, (east, north, angle) = list(labels), motion
+    middle = scene.world[own].mean(axis=0)
+    moved[own] = middle + (scene.world[own] - middle) @ about_z(angle).T + [east, north, 0.0]
     pixel = np.array(survey.pixel_px)
-    pixel[np.isin(survey.pick_label, labels) & np.isin(survey.pick_frame, frames)] += [110.0, 70.0]
+    for frame in frames:
+        pose = scene.truth.center[frame], scene.truth.rotation[frame]
+        before, after = (cv_pixels(INTRINSICS, *pose, world)[0] for world in (scene.world, moved))
+        rows = np.flatnonzero(survey.pick_frame == frame)
+        pixel[rows] += (after - before)[survey.pick_label[rows]]
     return replace(survey, pixel_px=pixel)
 
 
 @pytest.mark.parametrize("telemetry", [True, False])
-def test_points_that_moved_together_are_asked_about(*, telemetry: bool) -> None:
+@pytest.mark.parametrize(
+    ("labels", "frames", "motion"),
+    [
+        ((12, 13, 14, 15), (3, 4, 5), (1.2, -0.4, 0.0)),
+        ((12, 13, 14, 15), (1, 4), (0.5, 0.6, 0.5)),
+        ((11, 13, 15), (5,), (-0.7, 0.3, -0.2)),
+    ],
+)
+def test_points_that_were_moved_together_are_named(
+    labels: tuple[int, ...], frames: tuple[int, ...], motion: Motion, *, telemetry: bool
+) -> None:
     gauge = {} if telemetry else {"gauge": "plane"}
     scene = make_scene(2, frames=6, labels=16, lines=8, telemetry=telemetry, **gauge)  # type: ignore[arg-type]
-    _, messages = refine(moved_in(scene, (14, 15), (5,)), SolveOptions())
-    (asked,) = (one for one in messages if one.code == "points-moved")
-    assert set(asked.labels) == {scene.survey.label[14], scene.survey.label[15]}
-    assert asked.frames == (scene.survey.frame_id[5],)
-    for sound in (scene.survey, moved_in(scene, (15,), (5,))):
-        assert "points-moved" not in [one.code for one in refine(sound, SolveOptions())[1]]
+    survey = show_moved(scene, labels, frames, motion)
+    refined, messages = refine(survey, SolveOptions())
+    (moved,) = (one for one in messages if one.code == "points-moved")
+    assert set(moved.labels) == {survey.label[k] for k in labels}
+    elsewhere = set(survey.frame_id) - {survey.frame_id[k] for k in frames}
+    assert set(moved.frames) in ({survey.frame_id[k] for k in frames}, elsewhere)
+    size, sigma = map(float, re.findall(r"by ([\d.]+) ± ([\d.]+) m", moved.text)[0])
+    assert size == pytest.approx(float(np.hypot(*motion[:2])), abs=3.0 * sigma + 0.01)
+    # One of the two places remains, and all other points are right.
+    used = refined.pick_index[np.isin(survey.pick_label[refined.pick_index], labels)]
+    shown = {survey.frame_id[k] for k in survey.pick_frame[used]}
+    assert shown.isdisjoint(moved.frames)
+    assert refined.adjustment.variance_factor < 1.6
+    assert not [one for one in messages if one.code in ("photo-elsewhere", "frame-left-out")]
+
+
+def test_points_that_did_not_move_alike_were_not_moved_together() -> None:
+    scene = make_scene(2, frames=6, labels=16, lines=8)
+    survey = scene.survey
+    for label, motion in ((12, (1.0, 0.0, 0.0)), (13, (-0.6, 0.8, 0.0)), (14, (0.1, -1.1, 0.0))):
+        alone = show_moved(scene, (label,), (5,), motion)
+        own = survey.pick_label == label
+        survey = replace(survey, pixel_px=np.where(own[:, None], alone.pixel_px, survey.pixel_px))
+    for one in (survey, scene.survey, show_moved(scene, (15,), (5,), (1.0, 0.5, 0.0))):
+        assert "points-moved" not in [message.code for message in refine(one, SolveOptions())[1]]
+
+
+def test_moved_points_of_free_height_in_one_photo_are_named() -> None:
+    scene = make_scene(4, frames=5, labels=16, lines=8, heights={13: 0.7, 14: 0.9, 15: 0.8})
+    survey = show_moved(scene, (13, 14, 15), (4,), (1.5, 0.6, 0.3))
+    free = np.isin(np.arange(16), (13, 14, 15))
+    survey = replace(survey, is_free=free, height_above_m=np.zeros(16))
+    _, messages = refine(survey, SolveOptions())
+    (moved,) = (one for one in messages if one.code == "points-moved")
+    assert set(moved.labels) == {"P13", "P14", "P15"}
+    assert moved.frames == ("f4",)
+
+
+def test_a_photo_whose_recorded_direction_is_off_keeps_its_picks() -> None:
+    scene = make_scene(5, frames=5, labels=14, lines=6)
+    survey, pixel = scene.survey, np.array(scene.survey.pixel_px)
+    # The camera was pitched by 12 degrees more than the log has it.
+    pitch = np.radians(12.0)
+    tilted = np.array(
+        [[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]]
+    )
+    center, rotation = scene.truth.center[2], scene.truth.rotation[2]
+    before, after = (
+        cv_pixels(INTRINSICS, center, turned, scene.world)[0]
+        for turned in (rotation, rotation @ tilted)
+    )
+    rows = np.flatnonzero(survey.pick_frame == 2)
+    pixel[rows] += (after - before)[survey.pick_label[rows]]
+    refined, messages = refine(replace(survey, pixel_px=pixel), SolveOptions())
+    assert not refined.pick_reason
+    strained = [one for one in messages if one.level == "warning"]
+    assert [(one.code, one.frames) for one in strained] == [("telemetry-strained", ("f2",))]
+
+
+def test_photos_at_each_other_s_recorded_places_are_named() -> None:
+    scene = make_scene(6, frames=5, labels=14, lines=6, along=30.0)
+    survey = scene.survey
+    frame = np.choose(survey.pick_frame, [0, 3, 2, 1, 4])
+    _, messages = refine(replace(survey, pick_frame=frame), SolveOptions())
+    (exchanged,) = (one for one in messages if one.code == "photos-exchanged")
+    assert set(exchanged.frames) == {"f1", "f3"}
+    assert "telemetry-strained" not in [one.code for one in messages]
 
 
 def test_clicks_that_scatter_far_more_than_stated_do_not_fit() -> None:

@@ -43,7 +43,10 @@ from uavgram.stages.refine.causes.mirrored_photos import (
     propose_all_mirrored,
     propose_exchanged_axes,
 )
-from uavgram.stages.refine.causes.moved_points import propose_moved_points
+from uavgram.stages.refine.causes.moved_points import (
+    propose_moved_left_out,
+    propose_moved_points,
+)
 from uavgram.stages.refine.causes.other_camera import (
     propose_other_camera_file,
     propose_other_lens,
@@ -95,6 +98,7 @@ HYPOTHESES: tuple[Proposal, ...] = (
     propose_common_errors,
     propose_taped_level,
     propose_other_places,
+    propose_moved_left_out,
     propose_swapped_everywhere,
     propose_heights,
     propose_photos_in_order,

@@ -23,7 +23,7 @@ from uavgram.estimation.reliability.hypotheses import (
     compare_hypotheses,
     compute_log_probability,
 )
-from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
@@ -95,23 +95,15 @@ class _Moved(NamedTuple):
         return frozenset(self.label), self.is_apart.tobytes()
 
     @property
-    def price(self) -> float:
-        """Logarithm of the odds against this motion of these points, between these photos."""
-        m, n = len(self.label), self.choices
-        subsets = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1)
-        # The photos may be in any order.
-        parts = (len(self.is_apart) - 1) * np.log(2.0)
-        return MOTION_SIZE * GROSS_ERROR_LOG_ODDS + float(subsets + parts)
-
-    @property
     def surplus(self) -> float:
         """Decrease of the sum of squares beyond the price."""
-        return self.gain - 2.0 * self.price
+        price = _compute_price(len(self.label), self.choices, len(self.is_apart))
+        return self.gain - 2.0 * price
 
 
 def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose that several points were moved together between the photos."""
-    adjustment, survey = diagnosis.adjustment, diagnosis.survey
+    adjustment = diagnosis.adjustment
     count = len(adjustment.survey.frame_id)
     if not 1 < count <= MAX_PHOTOS:
         return
@@ -123,42 +115,72 @@ def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     found.sort(key=lambda one: -one.surplus)
     improved = {one.key: one for one in map(search.improve_photos, found[:MAX_PROPOSED])}
     for one in improved.values():
-        if one.surplus <= 0.0:
-            continue
-        names = [adjustment.survey.label[k] for k in one.label]
-        names = _choose_by_motion(diagnosis, names, one.is_apart)
-        if len(names) < LEAST_MOVED:
-            continue
-        apart, kept = _divide_picks(diagnosis, names, one.is_apart)
-        yield Hypothesis(
-            message=partial(_moved_message, survey, names, apart, kept),
-            mend=SurveyCorrection(apart=frozenset(apart.tolist())),
-            equal=(SurveyCorrection(apart=frozenset(kept.tolist())),),
-            is_clear=False,
-            begun=lambda state: state,
-            settled=partial(_fit_motion, names=names),
-            promise=one.gain,
-            price=one.price,
-            settles=frozenset(survey.frame_id[k] for k in survey.pick_frame[apart]),
-        )
+        if one.surplus > 0.0:
+            names = [adjustment.survey.label[k] for k in one.label]
+            photos = frozenset(np.array(adjustment.survey.frame_id)[one.is_apart].tolist())
+            yield from _propose(diagnosis, names, photos, one.gain)
 
 
-def _divide_picks(diagnosis: Diagnosis, names: Sequence[str], is_apart: Bools) -> tuple[Ints, Ints]:
+def propose_moved_left_out(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that points of which picks were left out were moved before those photos."""
+    survey, refined = diagnosis.survey, diagnosis.refined
+    left = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
+    label = np.intersect1d(survey.pick_label[left], survey.pick_label[refined.pick_index])
+    photos = frozenset(survey.frame_id[k] for k in survey.pick_frame[left])
+    if len(label) >= LEAST_MOVED and 1 < len(survey.frame_id) <= MAX_PHOTOS:
+        yield from _propose(diagnosis, [survey.label[k] for k in label], photos, 0.0)
+
+
+def _propose(
+    diagnosis: Diagnosis, names: Sequence[str], photos: frozenset[str], gain: float
+) -> Iterator[Hypothesis]:
+    """Propose that those of some points that show one motion were moved before some photos."""
+    names = _choose_by_motion(diagnosis, names, photos)
+    if len(names) < LEAST_MOVED:
+        return
+    survey = diagnosis.survey
+    fewer, more = _divide_picks(diagnosis, names, photos)
+    apart, kept = (SurveyCorrection(apart=frozenset(one.tolist())) for one in (fewer, more))
+    yield Hypothesis(
+        message=partial(_moved_message, survey, names, fewer, more),
+        mend=apart,
+        equal=(kept,),
+        is_clear=False,
+        back=kept.apart,
+        begun=lambda state: state,
+        settled=partial(_fit_motion, names=names),
+        promise=gain,
+        price=_compute_price(len(names), len(survey.label), len(survey.frame_id)),
+        settles=frozenset(survey.frame_id[k] for k in survey.pick_frame[fewer]),
+    )
+
+
+def _compute_price(moved: int, points: int, photos: int) -> float:
+    """Compute the logarithm of the odds against a motion of some points between some photos."""
+    subsets = gammaln(points + 1) - gammaln(moved + 1) - gammaln(points - moved + 1)
+    # The photos may be in any order.
+    parts = (photos - 1) * np.log(2.0)
+    return MOTION_SIZE * GROSS_ERROR_LOG_ODDS + float(subsets + parts)
+
+
+def _divide_picks(
+    diagnosis: Diagnosis, names: Sequence[str], photos: frozenset[str]
+) -> tuple[Ints, Ints]:
     """Divide the picks of points by their two places: the fewer, and the others.
 
     The part with more picks shows the points better; nothing shows which one is asked for.
     """
-    survey = diagnosis.adjustment.survey
-    frame = survey.pick_frame
-    own = np.isin(survey.pick_label, diagnosis.adjustment.label_rows(names))
-    parts = (
-        diagnosis.refined.pick_index[own & part] for part in (is_apart[frame], ~is_apart[frame])
-    )
-    fewer, more = sorted(parts, key=len)
+    survey, some = diagnosis.survey, diagnosis.spoilt
+    some[diagnosis.refined.pick_index] = True
+    some &= np.isin(survey.pick_label, [survey.row_of_label[name] for name in names])
+    is_apart = np.isin(survey.frame_id, list(photos))[survey.pick_frame]
+    fewer, more = sorted((np.flatnonzero(some & part) for part in (is_apart, ~is_apart)), key=len)
     return fewer, more
 
 
-def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_apart: Bools) -> list[str]:
+def _choose_by_motion(
+    diagnosis: Diagnosis, names: Sequence[str], photos: frozenset[str]
+) -> list[str]:
     """Choose those of some points that were moved together, by adjustments with two places each.
 
     In a scene that is distorted by the motion the linear model selects others with them; without
@@ -166,17 +188,18 @@ def _choose_by_motion(diagnosis: Diagnosis, names: Sequence[str], is_apart: Bool
     """
     chosen, alike = list(names), list[str]()
     for _ in range(MAX_ROUNDS):
-        apart, _ = _divide_picks(diagnosis, chosen, is_apart)
-        taking = correct_participants(diagnosis, SurveyCorrection(apart=frozenset(apart.tolist())))
+        fewer, more = (frozenset(one.tolist()) for one in _divide_picks(diagnosis, chosen, photos))
+        taking = correct_participants(diagnosis, SurveyCorrection(apart=fewer), more)
         refined = adjust_on_trial(taking, FULL)
-        frames = None if refined is None else refined.adjustment.survey.frame_id
-        if refined is None or frames != diagnosis.adjustment.survey.frame_id:
+        if refined is None:
             return []
-        alike = _find_common_motion(refined.adjustment, chosen)
-        search = _Search(refined.adjustment, _compute_derivatives(refined.adjustment))
-        ranked = search.rank_points(is_apart)
-        more = [k for k in ranked if ranked[k] > LEAST_DECREASE][:MAX_BEGUN]
-        others = [refined.adjustment.survey.label[k] for k in more]
+        adjusted = refined.adjustment
+        alike = _find_common_motion(adjusted, chosen)
+        ranked = _Search(adjusted, _compute_derivatives(adjusted)).rank_points(
+            np.isin(adjusted.survey.frame_id, list(photos))
+        )
+        likely = [k for k in ranked if ranked[k] > LEAST_DECREASE][:MAX_BEGUN]
+        others = [adjusted.survey.label[k] for k in likely]
         if len(alike) < LEAST_MOVED or set(chosen) == {*alike, *others}:
             break
         chosen = [*alike, *others]
