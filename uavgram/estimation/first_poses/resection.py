@@ -23,9 +23,12 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.solver.batched import ExplicitProblem, Minima, State, minimise_each
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import factor_homographies, make_homography_rows, mirror_plane
 from uavgram.geometry.motion.rotation import cross, exp_so3, hat
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey import Survey
 
 
 def move_poses(state: State, step: Floats) -> State:
@@ -392,3 +395,61 @@ def project_points(world: Floats, pose: Pose) -> Floats:
     camera = (world - center[..., None, :]) @ world_from_camera
     depth = np.where(camera[..., 2:] > 0, camera[..., 2:], np.nan)
     return np.asarray(camera[..., :2] / depth)
+
+
+class PhotoSights(NamedTuple):
+    """Picks of one photo, of N adjusted points of known height.
+
+    Attributes
+    ----------
+    world_m
+        (N, 3) positions of the points.
+    ray
+        (..., N, 3) rays in the camera frame, z = 1; NaN outside the lens model.
+    sigma
+        (N,) of their x and y.
+    """
+
+    world_m: Floats
+    ray: Floats
+    sigma: Floats
+
+    def resect(self) -> Pose:
+        """Estimate the pose of the photo; its position is NaN where it is undetermined."""
+        return resect_in_space(self.world_m, self.ray, self.sigma)
+
+    def offsets(self, pose: Pose) -> Floats:
+        """Compute (..., N, 2) residuals of the picks at a pose, in sigmas.
+
+        NaN behind the camera.
+        """
+        off = project_points(self.world_m, pose) - self.ray[..., :2]
+        return np.asarray(off / self.sigma[:, None])
+
+
+def sight_adjusted_points(
+    adjustment: Adjustment, survey: Survey, row_of_label: Ints, picks: Ints, pixel_px: Floats
+) -> PhotoSights:
+    """Collect the picks of a photo whose points are adjusted and have a known height.
+
+    Parameters
+    ----------
+    adjustment
+        Adjustment with the points.
+    survey
+        Survey with the photo.
+    row_of_label
+        (K,) labels of the adjustment for those of the survey; -1 where it has none.
+    picks
+        (n,) picks of the photo.
+    pixel_px
+        (..., n, 2) their pixels, which may differ from those of the survey.
+    """
+    label, camera = survey.pick_label[picks], survey.calibration
+    known = np.flatnonzero((row_of_label[label] >= 0) & ~survey.is_free[label])
+    world_m, _, _ = adjustment.problem.world_points(adjustment.state, row_of_label[label[known]])
+    return PhotoSights(
+        world_m,
+        back_project(camera.model, camera.parameters, pixel_px[..., known, :]),
+        survey.pick_sigma_px[picks[known]] / camera.parameters[0],
+    )

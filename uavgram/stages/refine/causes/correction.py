@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.resection import MIN_PICKS, resect_in_space
+from uavgram.estimation.first_poses.resection import MIN_PICKS, sight_adjusted_points
 from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS
 from uavgram.estimation.solver.normal_equations import SingularError
@@ -20,7 +20,7 @@ from uavgram.estimation.survey.selection import Selection, remove_known, select_
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Bools, Ints
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
 from uavgram.stages.refine.minima import (
@@ -196,11 +196,13 @@ def _initial_state(diagnosis: Diagnosis, selection: Selection) -> State | None:
     known = label >= 0
     # Frames that took no part: resection from the points on the ground.
     for new in np.flatnonzero(frame < 0).tolist():
-        picks = np.flatnonzero((survey.pick_frame == new) & known[survey.pick_label])
-        pose = _resect_photo(present, selection, picks, label[survey.pick_label[picks]])
-        if pose is None:
+        picks = np.flatnonzero(survey.pick_frame == new)
+        sights = sight_adjusted_points(present, survey, label, picks, survey.pixel_px[picks])
+        if len(sights.world_m) < MIN_PICKS:
             return None
-        center[new], rotation[new] = pose
+        center[new], rotation[new] = sights.resect()
+        if not np.isfinite(center[new]).all():
+            return None
     # Labels that took no part: intersection of a ray with the ground.
     for new in np.flatnonzero(~known).tolist():
         pick = int(np.flatnonzero(survey.pick_label == new)[0])
@@ -239,19 +241,3 @@ def _former_labels(diagnosis: Diagnosis, selection: Selection) -> Ints:
         if not (former == survey.label[label]).any():
             own[label] = whole[before[picks[0]]]
     return own
-
-
-def _resect_photo(
-    present: Adjustment, selection: Selection, picks: Ints, label: Ints
-) -> tuple[Floats, Floats] | None:
-    """Compute the pose of a photo that took no part from its points of known height."""
-    survey = selection.survey
-    is_known = ~survey.is_free[survey.pick_label[picks]]
-    picks, label = picks[is_known], label[is_known]
-    camera = survey.calibration
-    ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
-    if len(picks) < MIN_PICKS:
-        return None
-    world, _, _ = present.problem.world_points(present.state, label)
-    pose = resect_in_space(world, ray, survey.pick_sigma_px[picks] / camera.parameters[0])
-    return pose if np.isfinite(pose[0]).all() else None

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.resection import MIN_PICKS, project_points, resect_in_space
+from uavgram.estimation.first_poses.resection import MIN_PICKS, sight_adjusted_points
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,
@@ -17,7 +17,6 @@ from uavgram.estimation.reliability.hypotheses import (
 )
 from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
@@ -224,20 +223,15 @@ def _find_factor(
     fixed_px
         (2,) pixel that all scales share.
     """
-    survey, camera = diagnosis.survey, diagnosis.survey.calibration
-    label = seen.label_rows(survey.label)[survey.pick_label[picks]]
-    known = np.flatnonzero((label >= 0) & ~survey.is_free[survey.pick_label[picks]])
-    if len(known) <= MIN_PICKS:
-        return None
-    world, _, _ = seen.problem.world_points(seen.state, label[known])
+    survey = diagnosis.survey
     # Scale the pixels before the distortion is removed, as that belongs to the lens.
-    pixel = fixed_px + (survey.pixel_px[picks[known]] - fixed_px) / factors[:, None, None]
-    ray = back_project(camera.model, camera.parameters, pixel.reshape(-1, 2))
-    every = (ray / ray[:, 2:]).reshape(*pixel.shape[:2], 3)
-    sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
+    pixel = fixed_px + (survey.pixel_px[picks] - fixed_px) / factors[:, None, None]
+    sights = sight_adjusted_points(seen, survey, seen.label_rows(survey.label), picks, pixel)
+    if len(sights.world_m) <= MIN_PICKS:
+        return None
     center, whitening = _by_the_log(diagnosis, int(survey.pick_frame[picks[0]]))
-    pose = resect_in_space(world, every, sigma)
-    off = (project_points(world, pose) - every[..., :2]) * factors[:, None, None] / sigma[:, None]
+    pose = sights.resect()
+    off = sights.offsets(pose) * factors[:, None, None]
     cost = np.sum(off**2, axis=(1, 2)) + np.sum(((pose[0] - center) @ whitening.T) ** 2, axis=1)
     cost = np.where(np.isnan(cost), np.inf, cost)
     best = int(np.argmin(cost))

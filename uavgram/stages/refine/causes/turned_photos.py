@@ -11,12 +11,10 @@ import numpy as np
 from uavgram.estimation.first_poses.resection import (
     AGREEMENT_SIGMAS,
     MIN_PICKS,
-    project_points,
-    resect_in_space,
+    sight_adjusted_points,
 )
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.adjustment import LeftOutCause
-from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural, propose_photo_removal
@@ -360,19 +358,13 @@ def _shows_the_ground(
     """
     picks = np.array([*pixel_of_pick], dtype=np.int64)
     pixel = np.array([*pixel_of_pick.values()], dtype=np.float64).reshape(-1, 2)
-    survey, adjustment = diagnosis.survey, diagnosis.adjustment
-    label = labels_of(diagnosis)[survey.pick_label[picks]]
-    known = np.flatnonzero((label >= 0) & ~survey.is_free[survey.pick_label[picks]])
-    if len(known) <= MIN_PICKS:
+    survey = diagnosis.survey
+    sights = sight_adjusted_points(diagnosis.adjustment, survey, labels_of(diagnosis), picks, pixel)
+    if len(sights.world_m) <= MIN_PICKS:
         return False
-    world, _, _ = adjustment.problem.world_points(adjustment.state, label[known])
-    camera = survey.calibration
-    ray = back_project(camera.model, camera.parameters, pixel[known])
-    sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
-    pose = resect_in_space(world, ray, sigma)
+    pose = sights.resect()
     # Residuals of the resection, by their median.
-    off = np.linalg.norm(project_points(world, pose) - ray[:, :2], axis=1) / sigma
-    off = np.nan_to_num(off, nan=np.inf)
+    off = np.nan_to_num(np.linalg.norm(sights.offsets(pose), axis=1), nan=np.inf)
     if not np.median(off) < AGREEMENT_SIGMAS:
         return False
     if survey.seeds is None:
