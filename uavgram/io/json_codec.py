@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from functools import cache
 from pathlib import Path
 from types import UnionType
@@ -84,13 +84,26 @@ def encode(value: object) -> Json:
         return None if math.isnan(value) else value
     if isinstance(value, list | tuple):
         return [encode(item) for item in value]
-    if is_dataclass(value):
-        return {one.name: encode(getattr(value, one.name)) for one in fields(value)}
-    return value
+    if isinstance(value, Mapping):
+        return {key: encode(item) for key, item in value.items()}
+    return _encode_fields(value) if is_dataclass(value) else value
+
+
+def _encode_fields(value: object) -> Record:
+    """Encode the fields of a data class by their columns."""
+    record: Record = {}
+    for name, column in columns_of(type(value)).items():
+        item = encode(getattr(value, name))
+        if column.is_optional and item in ("", None, []):
+            continue
+        record[name] = item[0] if column.is_single and len(item) == 1 else item
+    return record
 
 
 def decode(hint: Any, value: Json) -> Any:  # noqa: ANN401
     """Invert `encode` for a type; None becomes NaN where a number is expected.
+
+    Pairs may be stored as an object.
 
     Raises
     ------
@@ -101,7 +114,11 @@ def decode(hint: Any, value: Json) -> Any:  # noqa: ANN401
     if origin in (Union, UnionType):
         return None if value is None else decode(inner[0], value)
     if origin is tuple:
-        return tuple(decode(inner[0], item) for item in value)
+        items = list(value.items() if isinstance(value, dict) else value)
+        kinds = [inner[0]] * len(items) if inner[-1] is Ellipsis else inner
+        return tuple(decode(kind, item) for kind, item in zip(kinds, items, strict=True))
+    if origin is Mapping:
+        return {key: decode(inner[1], item) for key, item in value.items()}
     if hint == Floats:
         return numbers(value, *np.shape(value))
     if is_dataclass(hint):
@@ -112,6 +129,8 @@ def decode(hint: Any, value: Json) -> Any:  # noqa: ANN401
 def _scalar(hint: Any, value: Json) -> Any:  # noqa: ANN401
     if hint is float:
         return float(numbers(value))
+    if hint is object and isinstance(value, list):
+        return tuple(_scalar(object, item) for item in value)
     words = get_args(hint)
     if words and value not in words:
         raise ValueError(f"expected one of {', '.join(map(str, words))}, got {value!r}")
@@ -124,12 +143,21 @@ _TYPE_NAMES = {str: "text", int: "a whole number", bool: "true or false"}
 
 
 def from_record(owner: type[Owner], record: Record, **given: object) -> Owner:
-    """Invert `encode` for a data class; `given` are fields stored elsewhere."""
-    read = {
-        name: decode(hint, record[name])
-        for name, hint in _hints(cast("Hashable", owner)).items()
-        if name not in given
-    }
+    """Invert `encode` for a data class; `given` are fields stored elsewhere.
+
+    A missing key of an optional field is its default.
+    """
+    hints, read = _hints(cast("Hashable", owner)), {}
+    for name, column in columns_of(owner).items():
+        if name in given or (column.is_optional and name not in record):
+            continue
+        hint, value = hints[name], record[name]
+        if column.is_single and not isinstance(value, list):
+            value = [value]
+        if hint == Floats and value == []:  # of the columns that the class states
+            read[name] = np.zeros((0, *row_shapes(owner)[name]))
+        else:
+            read[name] = decode(hint, value)
     return owner(**read, **given)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
-from uavgram.model.naming import join_photo_names, photo_name
+from uavgram.model.naming import OPTIONAL, join_photo_names, photo_name
 
 Action = Literal[
     "swap",
@@ -50,13 +50,13 @@ class Correction:
     """
 
     action: Action
-    frame: str = ""
-    label: str = ""
-    other: str = ""
-    pixel_px: tuple[float, ...] = ()
-    length: str = ""
-    length_m: float | None = None
-    ends: tuple[str, ...] = ()
+    frame: Annotated[str, OPTIONAL] = ""
+    label: Annotated[str, OPTIONAL] = ""
+    other: Annotated[str, OPTIONAL] = ""
+    pixel_px: Annotated[tuple[float, ...], OPTIONAL] = ()
+    length: Annotated[str, OPTIONAL] = ""
+    length_m: Annotated[float | None, OPTIONAL] = None
+    ends: Annotated[tuple[str, ...], OPTIONAL] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,18 +233,20 @@ class Message:
     level: Level
     code: str
     text: str
-    frames: tuple[str, ...] = ()
-    labels: tuple[str, ...] = ()
-    lengths: tuple[str, ...] = ()
-    measurements: tuple[str, ...] = ()
-    files: tuple[str, ...] = ()
-    heights_m: tuple[float, ...] = ()
-    heights_sigma_m: tuple[float, ...] = ()
-    several: MessagePlural | None = field(default=None, compare=False, repr=False)
-    plain: str = field(default="", compare=False, repr=False)
-    mentions: tuple[str, ...] = field(default=(), compare=False, repr=False)
-    mend: Remedy | None = field(default=None, compare=False, repr=False)
-    instead: tuple[Remedy, ...] = field(default=(), compare=False, repr=False)
+    frames: Annotated[tuple[str, ...], OPTIONAL] = ()
+    labels: Annotated[tuple[str, ...], OPTIONAL] = ()
+    lengths: Annotated[tuple[str, ...], OPTIONAL] = ()
+    measurements: Annotated[tuple[str, ...], OPTIONAL] = ()
+    files: Annotated[tuple[str, ...], OPTIONAL] = ()
+    heights_m: Annotated[tuple[float, ...], OPTIONAL] = ()
+    heights_sigma_m: Annotated[tuple[float, ...], OPTIONAL] = ()
+    several: Annotated[MessagePlural | None, OPTIONAL] = field(
+        default=None, compare=False, repr=False
+    )
+    plain: Annotated[str, OPTIONAL] = field(default="", compare=False, repr=False)
+    mentions: Annotated[tuple[str, ...], OPTIONAL] = field(default=(), compare=False, repr=False)
+    mend: Annotated[Remedy | None, OPTIONAL] = field(default=None, compare=False, repr=False)
+    instead: Annotated[tuple[Remedy, ...], OPTIONAL] = field(default=(), compare=False, repr=False)
 
     def names(self) -> tuple[str, ...]:
         """Return all names that the text may contain; those of photos with and without ending."""

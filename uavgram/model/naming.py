@@ -66,7 +66,7 @@ POSE_AXES = ("east", "north", "up", "x", "y", "z")
 
 @dataclass(frozen=True)
 class Column:
-    """Column names of a table field, in its annotation: ``Annotated[Floats, "n", Column(...)]``.
+    """Names and form of a field in files, in its annotation: ``Annotated[..., Column(...)]``.
 
     A field without a `Column` uses its own name as key; its entries are east, north and up.
 
@@ -81,6 +81,10 @@ class Column:
         Names of the entries of a row, in the columns of data frames.
     stem, unit
         Beginning and end of these columns' names; None: those of the field's name.
+    is_optional
+        Whether a record of results.json leaves the field out where it is empty.
+    is_single
+        Whether a record has a number instead of a list of one.
     """
 
     key: str = ""
@@ -88,6 +92,11 @@ class Column:
     axes: tuple[str, ...] = EAST_NORTH_UP
     stem: str | None = None
     unit: str | None = None
+    is_optional: bool = False
+    is_single: bool = False
+
+
+OPTIONAL = Column(is_optional=True)
 
 
 def columns_of(owner: type[Any]) -> dict[str, Column]:

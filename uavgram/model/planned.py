@@ -11,6 +11,7 @@ from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.camera import Calibration
 from uavgram.model.limits import require
 from uavgram.model.message import Message
+from uavgram.model.naming import OPTIONAL
 from uavgram.model.observations import MeasurementKind
 
 
@@ -453,7 +454,7 @@ class FlightPlanned(FrozenArrays):
     assumptions: Assumptions
     frames: PlannedFrames
     lines: PlannedLines
-    plates: PlannedPlates = field(default_factory=PlannedPlates)
+    plates: Annotated[PlannedPlates, OPTIONAL] = field(default_factory=PlannedPlates)
     points: PlannedPoints
     measurements: PlannedMeasurements
     grid: AccuracyGrid

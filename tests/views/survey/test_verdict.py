@@ -13,7 +13,7 @@ from unsure import unsure
 
 from uavgram.io.exports.geojson_kml import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
-from uavgram.io.results.results_json import dump_verdict, load_verdict
+from uavgram.io.json_codec import decode, encode
 from uavgram.model.message import Message, Remedy
 from uavgram.model.naming import IMPERIAL, METRIC
 from uavgram.model.result.reliability import Reason, Verdict
@@ -144,8 +144,8 @@ def test_without_a_measurement_there_is_no_verdict_anywhere() -> None:
     assert verdict_sentence(none) == "Verdict: none, as nothing is measured."
     assert verdict_words(none).level is None
     assert findings_lines(none, verbose=False)[-1] == "Verdict: none, as nothing is measured."
-    assert load_verdict(dump_verdict(none.verdict)) == none.verdict
-    assert dump_verdict(none.verdict)["level"] is None
+    assert decode(Verdict, encode(none.verdict)) == none.verdict
+    assert encode(none.verdict)["level"] is None
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ from uavgram.io.json_codec import (
     records,
 )
 from uavgram.io.outputs import replace_text
-from uavgram.io.results.results_json import dump_inputs, format_record_per_line, load_message
+from uavgram.io.results.results_json import dump_inputs, format_record_per_line
 from uavgram.model.batch import FileState, SurveyRecord
 from uavgram.model.board import (
     CalibrationAccount,
@@ -38,13 +38,7 @@ from uavgram.model.board import (
     LengthUncertainty,
     PhotoResults,
 )
-from uavgram.model.planned import (
-    AccuracyGrid,
-    FlightPlanned,
-    PlannedLines,
-    PlannedPlates,
-    PlannedPoints,
-)
+from uavgram.model.planned import FlightPlanned
 from uavgram.model.provenance import InputDigest
 
 SCHEMA = 1
@@ -98,28 +92,9 @@ def read_plan(path: str | Path) -> FlightPlanned:
             "plan again",
         )
     try:
-        messages = tuple(load_message(record) for record in content["messages"])
-        written = {name: content[name] for name in PARTS if name in content}
-        parts = {name: _part(PARTS[name], record) for name, record in written.items()}
-        return from_record(FlightPlanned, content, messages=messages, **parts)
+        return from_record(FlightPlanned, content)
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(path, f"was edited ({fault!r}): plan again") from fault
-
-
-PARTS: dict[str, type] = {
-    "lines": PlannedLines,
-    "plates": PlannedPlates,
-    "points": PlannedPoints,
-    "grid": AccuracyGrid,
-}
-"""Parts of a plan that may be empty."""
-
-
-def _part(owner: type, record: Record) -> object:
-    """Read a part of a plan; an empty list of points still has three coordinates."""
-    none = {name: np.zeros((0, 3)) for name in record if name.endswith("world_m")}
-    none |= {name: np.zeros((0, 4, 3)) for name in record if name == "corner_world_m"}
-    return from_record(owner, record, **{name: none[name] for name in none if not record[name]})
 
 
 _PHOTOS = Table(PhotoResults, elsewhere=("poses", "unusable"))

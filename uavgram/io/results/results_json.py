@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -29,13 +28,12 @@ from uavgram.io.json_codec import (
 )
 from uavgram.io.outputs import replace_text
 from uavgram.model.camera import Calibration
-from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
+from uavgram.model.message import Message
 from uavgram.model.naming import row_shapes
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result import reliability, tables
 from uavgram.model.result.result import (
     AreaPlane,
-    Estimate,
     OrientationCorrelation,
     Result,
     SharedResult,
@@ -189,56 +187,6 @@ def _load_weakest(records: Sequence[Record]) -> reliability.WeakestLinks:
     )
 
 
-_ADDED: Record = {"plain": "", "mend": None, "instead": []}
-"""Keys of a reason that are left out where they are empty."""
-
-
-def dump_verdict(verdict: reliability.Verdict) -> Record:
-    """Return level and reasons."""
-    return {"level": verdict.level, "reasons": [_dump_reason(one) for one in verdict.reasons]}
-
-
-def load_verdict(record: Record) -> reliability.Verdict:
-    """Invert `dump_verdict`."""
-    return from_record(
-        reliability.Verdict, record, reasons=tuple(_load_reason(one) for one in record["reasons"])
-    )
-
-
-def _dump_reason(reason: reliability.Reason) -> Record:
-    record: Record = encode(reason)
-    if reason.mend is not None:
-        record["mend"] = _dump_remedy(reason.mend)
-    record["instead"] = [_dump_remedy(one) for one in reason.instead]
-    return {key: value for key, value in record.items() if value != _ADDED.get(key, "always")}
-
-
-def _load_reason(record: Record) -> reliability.Reason:
-    record = _ADDED | record
-    mend = None if record["mend"] is None else _load_remedy(record["mend"])
-    instead = tuple(_load_remedy(one) for one in record["instead"])
-    return from_record(reliability.Reason, record, mend=mend, instead=instead)
-
-
-def _dump_remedy(remedy: Remedy) -> Record:
-    changes = [_remove_empty(encode(one)) for one in remedy.corrections]
-    return {"action": remedy.action, "words": remedy.words, "corrections": changes}
-
-
-def _remove_empty(record: Record) -> Record:
-    return {key: value for key, value in record.items() if value not in ("", None, [])}
-
-
-def _load_remedy(record: Record) -> Remedy:
-    changes = tuple(_load_correction(one) for one in record["corrections"])
-    return from_record(Remedy, record, corrections=changes)
-
-
-def _load_correction(record: Record) -> Correction:
-    empty: dict[str, Any] = {one.name: encode(one.default) for one in fields(Correction)[1:]}
-    return from_record(Correction, empty | record)
-
-
 SCHEMA = 1
 
 
@@ -256,7 +204,7 @@ def dump_results(result: Result) -> str:
     content = {
         "schema": SCHEMA,
         "name": result.name,
-        "verdict": dump_verdict(result.verdict),
+        "verdict": encode(result.verdict),
         "provenance": encode(result.provenance)
         | {
             "inputs": dump_inputs(result.provenance.inputs),
@@ -267,7 +215,7 @@ def dump_results(result: Result) -> str:
         "camera": encode(result.camera),
         "clock": _dump_clock(result.shared),
         "shared": _dump_shared(result),
-        "areas": [{"name": area.name} | _dump_plane(area) for area in result.areas],
+        "areas": encode(result.areas),
         "frames": dump_frames(result.frames),
         "points": dump_points(result.points),
         "lines": LINES.dump(result.lines),
@@ -332,7 +280,7 @@ def _result(content: Record) -> Result:
         world=_load_world(content["world"]),
         camera=from_record(Calibration, content["camera"]),
         shared=_load_shared(content["shared"], content["clock"]),
-        areas=tuple(_load_plane(area) for area in content["areas"]),
+        areas=decode(tuple[AreaPlane, ...], content["areas"]),
         frames=load_frames(content["frames"]),
         points=load_points(content["points"]),
         lines=LINES.load(content["lines"]),
@@ -353,8 +301,8 @@ def _result(content: Record) -> Result:
         noise=_load_noise(content["noise"]),
         orientation=decode(OrientationCorrelation | None, content["orientation"]),
         ties=decode(tables.TieSummary | None, content["ties"]),
-        messages=tuple(load_message(record) for record in content["messages"]),
-        verdict=load_verdict(content["verdict"]),
+        messages=decode(tuple[Message, ...], content["messages"]),
+        verdict=from_record(reliability.Verdict, content["verdict"]),
     )
 
 
@@ -398,15 +346,6 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"holds {name}, which is no JSON")
 
 
-def load_message(record: Record) -> Message:
-    """Invert `Message.record`, which leaves out empty fields."""
-    none = dict.fromkeys((*SUBJECTS, *NUMBERS), ())
-    # remedies are stored with the verdict
-    return from_record(
-        Message, none | record, several=None, plain="", mend=None, instead=(), mentions=()
-    )
-
-
 def _dump_world(world: World) -> Record:
     place = dict.fromkeys(Geodetic._fields) if world.origin is None else world.origin._asdict()
     own = {key: getattr(world, key) for key in ("height_datum", "gauge", "crs", "undulation_m")}
@@ -425,7 +364,7 @@ def dump_inputs(inputs: Iterable[InputDigest]) -> Record:
 
 
 def _load_provenance(record: Record) -> Provenance:
-    """Read the provenance; lists in the options become tuples."""
+    """Read the provenance; inputs are stored by their paths."""
     return from_record(
         Provenance,
         record,
@@ -437,49 +376,24 @@ def _load_provenance(record: Record) -> Provenance:
             )
             for path, one in record["inputs"].items()
         ),
-        options=tuple((key, _convert_to_tuples(value)) for key, value in record["options"].items()),
-        packages=tuple((name, decode(str, text)) for name, text in record["packages"].items()),
     )
-
-
-def _convert_to_tuples(value: Json) -> Any:  # noqa: ANN401
-    return tuple(_convert_to_tuples(item) for item in value) if isinstance(value, list) else value
 
 
 LEARNT_KEYS = {"ratio": "sigma_ratio", "shift": "shift_prior_sigmas"}
 _TELEMETRY = ("boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg")
 
 
-def _dump_estimate(estimate: Estimate | None) -> Record | None:
-    """Return value and sigma: numbers where the unknown is one number, else lists."""
-    if estimate is None:
-        return None
-    pair = encode(estimate)
-    return {key: one[0] for key, one in pair.items()} if len(estimate.value) == 1 else pair
-
-
-def _load_estimate(record: Record) -> Estimate:
-    pair = {key: record[key] for key in ("value", "sigma")}
-    return from_record(
-        Estimate, {key: one if isinstance(one, list) else [one] for key, one in pair.items()}
-    )
-
-
 def _dump_clock(shared: SharedResult) -> Record:
     """Return the camera clock minus UTC; null without a log."""
     none = {"value": None, "sigma": None}
-    offset = _dump_estimate(shared.clock_offset_s) or none
-    drift = _dump_estimate(shared.clock_drift_ppm) or none
+    offset = encode(shared.clock_offset_s) or none
+    drift = encode(shared.clock_drift_ppm) or none
     return {
         "offset_s": offset["value"],
         "sigma_s": offset["sigma"],
         "drift_ppm": drift["value"],
         "drift_sigma_ppm": drift["sigma"],
     }
-
-
-def _load_clock(value: Json, sigma: Json) -> Estimate | None:
-    return None if value is None else _load_estimate({"value": value, "sigma": sigma})
 
 
 def _dump_shared(result: Result) -> Record:
@@ -490,41 +404,21 @@ def _dump_shared(result: Result) -> Record:
     shared = result.shared
     learnt = compare_cameras(result.camera, shared.intrinsics)
     return {
-        **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
-        "readout_s": _dump_estimate(shared.readout_s),
-        "plane": _dump_plane(result.plane),
-        "tape_scale": {name: _dump_estimate(one) for name, one in shared.tape_scale.items()},
+        **{key: encode(getattr(shared, key)) for key in _TELEMETRY},
+        "readout_s": encode(shared.readout_s),
+        "plane": _remove_key(encode(result.plane), "name"),
+        "tape_scale": encode(shared.tape_scale),
         "intrinsics": {LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
     }
 
 
 def _load_shared(record: Record, clock: Record) -> SharedResult:
     """Invert `_dump_shared` and `_dump_clock`; the plane is stored with the areas."""
-    return SharedResult(
-        **{key: None if record[key] is None else _load_estimate(record[key]) for key in _TELEMETRY},
-        clock_offset_s=_load_clock(clock["offset_s"], clock["sigma_s"]),
-        clock_drift_ppm=_load_clock(clock["drift_ppm"], clock["drift_sigma_ppm"]),
-        readout_s=None if record["readout_s"] is None else _load_estimate(record["readout_s"]),
-        intrinsics=_load_estimate(record["intrinsics"]),
-        tape_scale={name: _load_estimate(x) for name, x in record["tape_scale"].items()},
+    offset, drift = (
+        None if clock[value] is None else {"value": clock[value], "sigma": clock[sigma]}
+        for value, sigma in (("offset_s", "sigma_s"), ("drift_ppm", "drift_sigma_ppm"))
     )
-
-
-def _dump_plane(plane: AreaPlane) -> Record:
-    return {
-        "height_m": _dump_estimate(plane.height_m),
-        "slope_deg": _dump_estimate(plane.slope_deg),
-        "pivot_m": encode(plane.pivot_m),
-    }
-
-
-def _load_plane(record: Record) -> AreaPlane:
-    return AreaPlane(
-        name=decode(str, record["name"]),
-        height_m=_load_estimate(record["height_m"]),
-        slope_deg=_load_estimate(record["slope_deg"]),
-        pivot_m=numbers(record["pivot_m"], 2),
-    )
+    return from_record(SharedResult, record | {"clock_offset_s": offset, "clock_drift_ppm": drift})
 
 
 def _dump_noise(noise: reliability.Noise | None) -> Record | None:
@@ -547,7 +441,9 @@ def _load_noise(record: Record | None) -> reliability.Noise | None:
     """Invert `_dump_noise`."""
     if record is None:
         return None
-    return reliability.Noise(
+    return from_record(
+        reliability.Noise,
+        record,
         picks=tuple(
             from_record(reliability.PickNoise, one, source=source)
             for source, one in record["picks"].items()
@@ -556,8 +452,6 @@ def _load_noise(record: Record | None) -> reliability.Noise | None:
             from_record(reliability.AreaNoise, one, area=area)
             for area, one in record["roughness"].items()
         ),
-        lengths=decode(reliability.EstimatedSigma | None, record["lengths"]),
-        identification=decode(reliability.EstimatedSigma | None, record["identification"]),
     )
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
 from uavgram.model.message import Remedy
-from uavgram.model.naming import Column
+from uavgram.model.naming import OPTIONAL, Column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -338,9 +338,9 @@ class Reason:
     labels: tuple[str, ...] = ()
     lengths: tuple[str, ...] = ()
     measurements: tuple[str, ...] = ()
-    plain: str = ""
-    mend: Remedy | None = None
-    instead: tuple[Remedy, ...] = ()
+    plain: Annotated[str, OPTIONAL] = ""
+    mend: Annotated[Remedy | None, OPTIONAL] = None
+    instead: Annotated[tuple[Remedy, ...], OPTIONAL] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -112,8 +112,8 @@ def compare_cameras(prior: Calibration, refined: Estimate) -> CameraUpdate:
 class Estimate(FrozenArrays):
     """A shared unknown: value and standard deviation, both (n,)."""
 
-    value: Annotated[Floats, "n"]
-    sigma: Annotated[Floats, "n"]
+    value: Annotated[Floats, "n", Column(is_single=True)]
+    sigma: Annotated[Floats, "n", Column(is_single=True)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
