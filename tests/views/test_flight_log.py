@@ -7,9 +7,10 @@ from typing import Any, Never
 import numpy as np
 import pytest
 
+from uavgram.io.json_codec import replace_not_finite
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.stages.log_summary import summarise_log
-from uavgram.views.flight_log import log_summary_lines, log_summary_object
+from uavgram.views.flight_log import collect_log_content, log_summary_lines
 
 
 def text_of(path: Path) -> str:
@@ -53,9 +54,8 @@ def summary_of(path: Path) -> dict[str, Any]:
         raise AssertionError(f"{constant} is no JSON")
 
     summary = summarise_log(read_flight_log(path, positions_needed=False))
-    told: dict[str, Any] = json.loads(
-        json.dumps(log_summary_object(summary)), parse_constant=refuse
-    )
+    content = replace_not_finite(collect_log_content(summary))
+    told: dict[str, Any] = json.loads(json.dumps(content), parse_constant=refuse)
     return told
 
 

@@ -1,7 +1,7 @@
 """Build the JSON objects that commands print for other programs (`--json`).
 
-Units are SI and in the keys' names; unknown numbers are null. Keys of `run` are those of
-results.json, which holds everything else.
+Units are SI and in the keys' names. Unknown numbers are NaN, and null in print. Keys
+of `run` are those of results.json, which holds everything else.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def check_object(checked: CheckedProject, project: Path) -> dict[str, Any]:
             "image": name,
             "width_px": int(photos.width_px[i]),
             "height_px": int(photos.height_px[i]),
-            "time_utc_s": _number(frames.time_utc_s[i]),
+            "time_utc_s": float(frames.time_utc_s[i]),
             "matched": bool(frames.matched[i]),
             "reason": frames.reason[i],
         }
@@ -64,7 +64,7 @@ def check_object(checked: CheckedProject, project: Path) -> dict[str, Any]:
             row["event"] = {
                 "number": int(pairing.event_index[i]) + 1,
                 "status": pairing.status[i],
-                "residual_s": _number(pairing.residual_s[i]),
+                "residual_s": float(pairing.residual_s[i]),
             }
         rows.append(row)
     path = str(project.absolute())
@@ -86,9 +86,9 @@ def camera_object(read: CameraRead) -> dict[str, Any]:
         "height_px": camera.height_px,
         "parameters": dict(zip(camera.parameter_names, camera.parameters.tolist(), strict=True)),
         "covariance": camera.covariance.tolist(),
-        "field_of_view_deg": [_number(math.degrees(one)) for one in facts.field_of_view_rad],
-        "focal_length_35mm_mm": _number(facts.equivalent_mm),
-        "corner_distortion_px": [_number(one) for one in facts.corner_distortion_px],
+        "field_of_view_deg": [math.degrees(one) for one in facts.field_of_view_rad],
+        "focal_length_35mm_mm": float(facts.equivalent_mm),
+        "corner_distortion_px": facts.corner_distortion_px.tolist(),
         **_messages(read.messages),
     }
 
@@ -113,14 +113,10 @@ def difference_object(
         "difference_px": difference.difference_px.tolist(),
         "covariance_px2": difference.covariance_px2.tolist(),
         "rotation_rad": difference.rotation_rad.tolist(),
-        "share_seen": _number(difference.share_seen),
+        "share_seen": float(difference.share_seen),
         **_messages((*first.messages, *second.messages)),
     }
 
 
 def _messages(messages: Sequence[Message]) -> dict[str, Any]:
     return {"messages": [message.record() for message in messages]}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -96,12 +96,16 @@ def warn_of(text: str, *, only_quiet: bool = False) -> None:
 def print_json(content: object) -> None:
     """Write a JSON object to standard output, in ASCII, safe for every encoding of a pipe.
 
+    Numbers that are not finite become null.
+
     Raises
     ------
     OutputError
         It takes no more; the work of the command is done.
     """
-    _write(json.dumps(content, indent=1, allow_nan=False))
+    from uavgram.io.json_codec import replace_not_finite
+
+    _write(json.dumps(replace_not_finite(content), indent=1, allow_nan=False))
 
 
 def _write(text: str) -> None:

@@ -100,6 +100,17 @@ def _encode_fields(value: object) -> Record:
     return record
 
 
+def replace_not_finite(value: Json) -> Json:
+    """Replace the numbers of plain data that JSON cannot hold, NaN and infinite ones, by None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, list):
+        return [replace_not_finite(item) for item in value]
+    if isinstance(value, dict):
+        return {key: replace_not_finite(item) for key, item in value.items()}
+    return value
+
+
 def decode(hint: Any, value: Json) -> Any:  # noqa: ANN401
     """Invert `encode` for a type; None becomes NaN where a number is expected.
 

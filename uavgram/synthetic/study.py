@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import UavgramError, suggest_spelling
-from uavgram.io.json_codec import Json, encode
+from uavgram.io.json_codec import encode, replace_not_finite
 from uavgram.io.outputs import stage_output
 from uavgram.model.simulation import SOURCES, MethodRow, Study
 from uavgram.pipeline.parallel import Progress, run_in_processes, silent
@@ -277,16 +276,9 @@ def write_studies(studies: tuple[Study, ...], path: Path) -> None:
     path
         Output file.
     """
-    record = {"schema": STUDY_SCHEMA, "sources": list(SOURCES), "studies": _finite(encode(studies))}
+    record = {
+        "schema": STUDY_SCHEMA,
+        "sources": list(SOURCES),
+        "studies": replace_not_finite(encode(studies)),
+    }
     path.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _finite(value: Json) -> Json:
-    """Replace infinite numbers, of undetermined methods, which JSON cannot hold."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    return value

@@ -1,4 +1,4 @@
-"""A flight log as lines of plain text, and as a JSON object, for ``uavgram log FILE``."""
+"""Content of a flight log, as lines of plain text and as plain data, for ``uavgram log FILE``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Content = dict[str, Any]
 
 def log_summary_lines(summary: flight_log.LogSummary) -> tuple[str, ...]:
     """List the content of a log: vehicle, boots, clock, tables, events, messages, notes."""
-    log = _collect_content(summary)
+    log = collect_log_content(summary)
     lines = [f"{log['path']}: {KINDS[log['kind']]}"]
     lines.append(
         _row("vehicle", f"{log['vehicle'] or 'not stated'}; {log['firmware'] or 'no firmware'}")
@@ -159,12 +159,7 @@ def _message_line(message: Content, *, one_clock: bool) -> str:
     return line
 
 
-def log_summary_object(summary: flight_log.LogSummary) -> Any:  # noqa: ANN401
-    """Convert the content of a log to a JSON object; numbers missing in the log are null."""
-    return _replace_nan(_collect_content(summary))
-
-
-def _collect_content(summary: flight_log.LogSummary) -> Content:
+def collect_log_content(summary: flight_log.LogSummary) -> Content:
     """Collect the content of a log; numbers missing in it are NaN."""
     log = summary.log
     return {
@@ -295,14 +290,3 @@ def _home(home: flight_log.HomeSamples | None, moves_m: float) -> dict[str, Any]
         "height_datum": home.datum,
         "moves_m": moves_m,
     }
-
-
-def _replace_nan(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
-    """Replace each number that is not finite by null."""
-    if isinstance(value, dict):
-        return {key: _replace_nan(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_replace_nan(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -30,12 +30,12 @@ def show_log(
     from uavgram.io.logs.flight_log import read_flight_log
     from uavgram.io.outputs import replace_bytes
     from uavgram.stages.log_summary import summarise_log
-    from uavgram.views.flight_log import log_summary_lines, log_summary_object
+    from uavgram.views.flight_log import collect_log_content, log_summary_lines
 
     summary = summarise_log(read_flight_log(file, positions_needed=False))
     if plot is not None:
         from uavgram.views.flight_log_plot import log_plot_png
 
         replace_bytes(plot, log_plot_png(summary))
-    print_json(log_summary_object(summary)) if json else print_lines(*log_summary_lines(summary))
+    print_json(collect_log_content(summary)) if json else print_lines(*log_summary_lines(summary))
     return DONE
