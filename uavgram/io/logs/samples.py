@@ -7,8 +7,9 @@ gimbal moved to another angle) is permitted because of the rows after it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -387,12 +388,14 @@ def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
 
 _LARGEST_UNDULATION_M = 150  # larger than any geoid undulation
 _FASTEST_RAD_S = 40.0  # beyond the range of autopilots' gyroscopes
+_PLACE_COLUMNS = ("latitude_deg", "longitude_deg", "height_m")
 _MOST_SATELLITES, _LARGEST_HDOP = 200.0, 90.0  # logs write 255 and 99.99 or more for none
 _LARGEST_SIGMA_M, _LARGEST_SIGMA_RAD = 1000.0, 1.0
 
 RTK_FIXED = 6
 """Type of fix with solved ambiguities: GPS_FIX_TYPE_RTK_FIXED, in ArduPilot and PX4 alike."""
 
+Table = TypeVar("Table")
 Samples = TypeVar(
     "Samples", PositionSamples, AttitudeSamples, GimbalSamples, HomeSamples, CameraEvents
 )
@@ -407,6 +410,26 @@ def select_rows(samples: Samples, keep: Bools) -> Samples:
     return replace(samples, **kept)
 
 
+def take_rows(
+    kind: Callable[..., Table], stated: StatedValues, rows: Ints, **columns: object
+) -> Table | None:
+    """Return samples of the plausible rows of a message; None if there are none.
+
+    Parameters
+    ----------
+    kind
+        Class of the samples.
+    stated, rows
+        Values of the message, and its (K,) plausible rows.
+    **columns
+        Further fields: (N, ...) columns of all rows, or what is common to them.
+    """
+    if not len(rows):
+        return None
+    taken = {n: c[rows] if isinstance(c, np.ndarray) else c for n, c in columns.items()}
+    return kind(time_boot_s=stated.time_s[rows], source=stated.source, **taken)
+
+
 def position_samples(stated: StatedValues) -> Found[PositionSamples]:
     """Return valid positions that agree with their neighbours in time, with heights above home.
 
@@ -416,19 +439,12 @@ def position_samples(stated: StatedValues) -> Found[PositionSamples]:
     place = [c if valid is None else np.where(valid, c, np.nan) for c in stated.columns[:3]]
     rows = find_plausible_rows(time_s, is_near_track(time_s, *place), dense=True)
     notes = describe_left_out(stated.source, time_s, rows, valid)
-    if not len(rows):
-        return None, notes
-    home = stated.columns[3][rows] if len(stated.columns) > 3 else np.full(len(rows), np.nan)
-    samples = PositionSamples(
-        time_boot_s=time_s[rows],
-        latitude_deg=place[0][rows],
-        longitude_deg=place[1][rows],
-        height_m=place[2][rows],
-        height_home_m=np.where(is_height(home), home, np.nan),
-        datum="msl",
-        source=stated.source,
-    )
-    return samples, notes
+    home = stated.columns[3] if len(stated.columns) > 3 else np.full(len(time_s), np.nan)
+    named = dict(zip(_PLACE_COLUMNS, place, strict=True))
+    home_m = np.where(is_height(home), home, np.nan)
+    return take_rows(
+        PositionSamples, stated, rows, **named, height_home_m=home_m, datum="msl"
+    ), notes
 
 
 def velocity_samples(stated: StatedValues) -> Found[VelocitySamples]:
@@ -437,25 +453,22 @@ def velocity_samples(stated: StatedValues) -> Found[VelocitySamples]:
     if stated.valid is not None:
         ned = np.where(stated.valid[:, None], ned, np.nan)
     rows = _below(_FASTEST_M_S, stated.time_s, ned)
-    if len(rows) < 2:
-        return None, ()
-    time_s = stated.time_s[rows]
-    return VelocitySamples(time_boot_s=time_s, ned_m_s=ned[rows], source=stated.source), ()
+    return take_rows(VelocitySamples, stated, rows, ned_m_s=ned), ()
 
 
 def turn_rate_samples(stated: StatedValues) -> Found[TurnRateSamples]:
     """Return angular rates about forward, right, down that a gyroscope can measure."""
     body = np.stack(stated.columns, axis=1)
-    rows = _below(_FASTEST_RAD_S, stated.time_s, body)
-    if len(rows) < 2 or not body.any():  # firmware without rates sends zeros throughout
+    if not body.any():  # firmware without rates sends zeros throughout
         return None, ()
-    time_s = stated.time_s[rows]
-    return TurnRateSamples(time_boot_s=time_s, body_rad_s=body[rows], source=stated.source), ()
+    rows = _below(_FASTEST_RAD_S, stated.time_s, body)
+    return take_rows(TurnRateSamples, stated, rows, body_rad_s=body), ()
 
 
 def _below(largest: float, time_s: Floats, rates: Floats) -> Ints:
-    """Return rows in the order of time whose rates (N, 3) are possible."""
-    return find_plausible_rows(time_s, np.asarray((np.abs(rates) < largest).all(axis=1)))
+    """Return rows in the order of time whose rates (N, 3) are possible; none of a single one."""
+    rows = find_plausible_rows(time_s, np.asarray((np.abs(rates) < largest).all(axis=1)))
+    return rows if len(rows) > 1 else rows[:0]
 
 
 def unit_quaternions(xyzw: Floats) -> Floats:
@@ -482,12 +495,7 @@ def attitude_samples(stated: StatedValues) -> Found[AttitudeSamples]:
         xyzw = quaternions_of_angles(np.radians(np.where(sane[:, None], columns, 0.0)), sane)
     rows = find_plausible_rows(stated.time_s, np.asarray(np.isfinite(xyzw).all(axis=1)), dense=True)
     notes = describe_left_out(stated.source, stated.time_s, rows)
-    if not len(rows):
-        return None, notes
-    samples = AttitudeSamples(
-        time_boot_s=stated.time_s[rows], ned_from_body_xyzw=xyzw[rows], source=stated.source
-    )
-    return samples, notes
+    return take_rows(AttitudeSamples, stated, rows, ned_from_body_xyzw=xyzw), notes
 
 
 def home_samples(stated: StatedValues) -> Found[HomeSamples]:
@@ -496,17 +504,8 @@ def home_samples(stated: StatedValues) -> Found[HomeSamples]:
     sane = is_place(latitude, longitude) & is_height(height)
     sane = sane if stated.valid is None else np.asarray(sane & stated.valid)
     rows = find_plausible_rows(stated.time_s, sane)
-    if not len(rows):
-        return None, ()
-    samples = HomeSamples(
-        time_boot_s=stated.time_s[rows],
-        latitude_deg=latitude[rows],
-        longitude_deg=longitude[rows],
-        height_m=height[rows],
-        datum="msl",
-        source=stated.source,
-    )
-    return samples, ()
+    named = dict(zip(_PLACE_COLUMNS, stated.columns, strict=True))
+    return take_rows(HomeSamples, stated, rows, **named, datum="msl"), ()
 
 
 def reception_samples(stated: StatedValues) -> Found[ReceptionSamples]:
@@ -515,25 +514,14 @@ def reception_samples(stated: StatedValues) -> Found[ReceptionSamples]:
     satellites = np.where((satellites > 0) & (satellites < _MOST_SATELLITES), satellites, np.nan)
     hdop = np.where((hdop > 0) & (hdop < _LARGEST_HDOP), hdop, np.nan)
     rows = find_plausible_rows(stated.time_s, np.isfinite(satellites) | np.isfinite(hdop))
-    if not len(rows):
-        return None, ()
-    samples = ReceptionSamples(
-        time_boot_s=stated.time_s[rows],
-        satellites=satellites[rows],
-        hdop=hdop[rows],
-        source=stated.source,
-    )
-    return samples, ()
+    return take_rows(ReceptionSamples, stated, rows, satellites=satellites, hdop=hdop), ()
 
 
 def clock_samples(stated: StatedValues) -> ClockSamples | None:
     """Return a clock, if any row states a UTC."""
     (utc_s,) = stated.columns
     rows = find_plausible_rows(stated.time_s, utc_s > 0)  # NaN compares False
-    if not len(rows):
-        return None
-    source = cast("Literal['gps', 'system_time', 'receive']", stated.source)
-    return ClockSamples(time_boot_s=stated.time_s[rows], utc_s=utc_s[rows], source=source)
+    return take_rows(ClockSamples, stated, rows, utc_s=utc_s)
 
 
 def median_undulation_m(ellipsoid_m: Floats, sea_level_m: Floats) -> float:
