@@ -87,12 +87,7 @@ def plan(
         )
     planned, as_flown = plan_flight(scenario, progress())
     taken = along or FieldDocuments()
-    made = PlanOutputs(
-        units=SHORT_FORMS[taken.units],
-        pdf=taken.pdf,
-        autopilot=taken.autopilot,
-        heights=taken.heights,
-    )
+    made = PlanOutputs(**vars(taken) | {"units": SHORT_FORMS[taken.units]})
     written = write_outputs(planned, as_flown, output, scenario, made)
     print_lines(*plan_lines(planned))
     print_written_files(output, written)

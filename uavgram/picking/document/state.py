@@ -8,8 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from uavgram.io.json_codec import Table
 from uavgram.model.observations import (
     SAME_PLACE_PX,
@@ -21,7 +19,8 @@ from uavgram.model.observations import (
 )
 
 PICKS = Table(Picks, elsewhere=("line",))
-"""Rows of picks, by the fields of `Pick`."""
+LINES = Table(KnownLines, elsewhere=("along",))
+"""Rows of picks and lengths, by the fields of `Pick` and `Line`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,17 +129,7 @@ def make_state(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRe
     return State(
         picks=tuple(Pick(**row, again=count) for row, count in rows),
         lines=tuple(
-            Line(
-                name=lines.name[i],
-                start=lines.start[i],
-                end=lines.end[i],
-                length_m=float(lines.length_m[i]),
-                sigma_m=float(lines.sigma_m[i]),
-                adjust=bool(lines.adjust[i]),
-                tape=lines.tape[i],
-                along=lines.along_of(i),
-            )
-            for i in range(len(lines.name))
+            Line(**row, along=lines.along_of(i)) for i, row in enumerate(LINES.dump(lines))
         ),
         requests=tuple(requests),
     )
@@ -148,19 +137,10 @@ def make_state(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRe
 
 def make_observations(state: State) -> tuple[Picks, KnownLines]:
     """Return picks and lengths in the form of the adjustment."""
-    picks, lines = state.picks, state.lines
+    along = tuple(line.along for line in state.lines)
     return (
-        PICKS.load([vars(pick) for pick in picks]),
-        KnownLines(
-            name=tuple(line.name for line in lines),
-            start=tuple(line.start for line in lines),
-            end=tuple(line.end for line in lines),
-            length_m=np.array([line.length_m for line in lines]),
-            sigma_m=np.array([line.sigma_m for line in lines]),
-            adjust=np.array([line.adjust for line in lines], dtype=np.bool_),
-            tape=tuple(line.tape for line in lines),
-            along=tuple(line.along for line in lines),
-        ),
+        PICKS.load([vars(pick) for pick in state.picks]),
+        LINES.load([vars(line) for line in state.lines], along=along),
     )
 
 
