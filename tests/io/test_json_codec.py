@@ -15,10 +15,10 @@ from results_schema import row_schema
 from uavgram.errors import UavgramError
 from uavgram.io.cameras import read_odm_camera
 from uavgram.io.imports import read_labelme
-from uavgram.io.json_codec import Table, parse_json
+from uavgram.io.json_codec import Table, encode, from_record, parse_json
 from uavgram.io.results.results_json import load_results
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
-from uavgram.model.naming import Column
+from uavgram.model.naming import OPTIONAL, Column
 from uavgram.picking.storage.journal import JournalContent, load_journal
 from uavgram.views.data_frames import columns
 
@@ -171,3 +171,40 @@ def test_a_name_for_each_row_is_still_asked_for() -> None:
             drift_m=np.zeros((1, 2)),
             age_s=np.zeros(1),
         )
+
+
+# A data class as one record: optional fields, single numbers, pairs and empty arrays.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clock(FrozenArrays):
+    """Clock with a note, its rate, and the places where it was read."""
+
+    name: str
+    note: Annotated[str, OPTIONAL] = ""
+    rate: Annotated[Floats, "n", Column(is_single=True)]
+    place_m: Annotated[Floats, "k", 3]
+    versions: tuple[tuple[str, int], ...] = ()
+
+
+def test_a_record_leaves_optional_fields_out_and_reads_them_as_their_defaults() -> None:
+    clock = Clock(
+        name="a", rate=np.array([2.0]), place_m=np.zeros((0, 3)), versions=(("x", 1), ("y", 2))
+    )
+    record = encode(clock)
+    assert record == {
+        "name": "a", "rate": 2.0, "place_m": [], "versions": [["x", 1], ["y", 2]],
+    }  # fmt: skip
+    for versions in (record["versions"], {"x": 1, "y": 2}):  # pairs may be an object
+        again = from_record(Clock, record | {"versions": versions})
+        assert (again.note, again.versions) == ("", clock.versions)
+        assert (again.rate.tolist(), again.place_m.shape) == ([2.0], (0, 3))
+    two = from_record(Clock, record | {"rate": [1.0, 2.0], "note": "late"})
+    assert (encode(two)["rate"], encode(two)["note"]) == ([1.0, 2.0], "late")
+
+
+def test_a_key_of_no_optional_field_is_required_whatever_its_default() -> None:
+    record = encode(Clock(name="a", rate=np.array([2.0]), place_m=np.zeros((0, 3))))
+    del record["versions"]
+    with pytest.raises(KeyError, match="versions"):
+        from_record(Clock, record)
