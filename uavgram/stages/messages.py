@@ -10,7 +10,11 @@ from typing import Any
 from uavgram.model.message import NUMBERS, SUBJECTS, Message, MessagePlural, Remedy
 from uavgram.model.message import merge_remedies as mended_together
 from uavgram.model.message_catalogue import entry_of
+from uavgram.model.naming import format_digits
 from uavgram.model.survey import Cause
+
+TAKEN_INTO_ACCOUNT = "The results take it into account."
+"""End of a message on wrong prior knowledge that was given up."""
 
 MAX_LISTED = 5
 """Number of things that a sentence lists; the message names all of them as data."""
@@ -128,3 +132,15 @@ def _join_with_reasons(several: Sequence[MessagePlural]) -> str:
     if (more := len(several) - MAX_LISTED) > 0:
         parts.append(f"and {more} more")
     return "; ".join(parts)
+
+
+def report_clock_off(off_s: float, sigma_s: float) -> Message:
+    """Report by how much the camera's clock is off."""
+    way = "fast" if off_s > 0 else "slow"
+    return Message(
+        "warning",
+        "clock-off",
+        f"The camera's clock is {abs(off_s):.1f} ± {format_digits(sigma_s, 1)} s off, more than "
+        "the stated sigma allows: change `time.offset_s` in the project by "
+        f"{off_s:+.1f} (the clock is {way}).",
+    )

@@ -27,6 +27,7 @@ from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
 from uavgram.geometry.geodesy import normalise_crs, utm_crs
+from uavgram.geometry.motion.camera_motion import CLOCK
 from uavgram.io.files import find_relative_name
 from uavgram.model.frames import Frames
 from uavgram.model.message import Message
@@ -61,9 +62,15 @@ from uavgram.stages.measure import (
     measurement_results,
     sample_observations,
 )
-from uavgram.stages.messages import downgrade_explained, order_messages
+from uavgram.stages.messages import (
+    TAKEN_INTO_ACCOUNT,
+    downgrade_explained,
+    order_messages,
+    report_clock_off,
+)
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
+from uavgram.stages.seed.clock import find_other_clock
 from uavgram.stages.seed.headings import find_headings
 from uavgram.stages.seed.mount import find_turned_mount
 from uavgram.stages.summarise import (
@@ -406,7 +413,9 @@ def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> 
 
 
 def adjust_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
-    """Adjust the survey; a wrongly mounted camera is the first suspect."""
+    """Adjust the survey; a wrong clock and a wrongly mounted camera are the first suspects."""
+    clock = find_other_clock(survey) if options.noise == "estimate" else None
+    survey = survey if clock is None else clock.survey
     mount = find_turned_mount(survey)
     try:
         refined, messages = refine(survey, options)
@@ -414,7 +423,19 @@ def adjust_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple
         if mount is not None:  # the cause
             raise GeometryError(f"{mount.text} ({why})") from why
         raise
-    return refined, (*(() if mount is None else (mount,)), *messages)
+    before = () if mount is None else (mount,)
+    if clock is not None:
+        before = (_report_clock(refined.adjustment, clock.shift_s), *before)
+    return refined, (*before, *messages)
+
+
+def _report_clock(adjustment: Adjustment, shift_s: float) -> Message:
+    """Report a clock that was moved before the adjustment."""
+    layout, place = adjustment.problem.layout, CLOCK.start
+    off_s = shift_s + float(adjustment.state.telemetry[place])
+    variance = adjustment.shared_covariance(layout.first_telemetry + place, 1)
+    message = report_clock_off(off_s, float(np.sqrt(variance[0, 0])))
+    return replace(message, text=f"{message.text} {TAKEN_INTO_ACCOUNT}")
 
 
 class _Measurements(NamedTuple):

@@ -17,6 +17,7 @@ from uavgram.model.message import Message
 from uavgram.model.message_catalogue import Effect, entry_of
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
+from uavgram.stages.messages import TAKEN_INTO_ACCOUNT
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     CONTRADICTING,
@@ -48,8 +49,6 @@ from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, adjust_on_trial, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
-
-TAKEN_INTO_ACCOUNT = "The results take it into account."
 
 
 class StatedNoiseAdjustment(NamedTuple):
@@ -136,10 +135,7 @@ def adjust_at_stated_noise(
         survey, refined, unseen = free_unchecked_heights(
             robust.survey, robust.refined, [*robust.labels, *shown]
         )
-    elsewhere = propose_photos_elsewhere(
-        Diagnosis(find_participants(survey, refined), refined), found.causes
-    )
-    causes = (*found.causes, *elsewhere)
+    causes = _add_photos_elsewhere(survey, refined, found.causes)
     off_ground = list(robust.labels)
     # What wrong picks contradict is not at fault.
     left_out = [] if is_of_picks and again is None else list(robust.messages(given))
@@ -155,7 +151,8 @@ def adjust_at_stated_noise(
         known_less, accounted = _free_wrong_priors(given if common else survey, found)
         again = _adjust_again(replace(taking, survey=known_less))
         if again is not None:
-            survey, refined, causes = again.survey, again.refined, (*accounted, *elsewhere)
+            survey, refined = again.survey, again.refined
+            causes = _add_photos_elsewhere(survey, refined, accounted)
             if common:  # what seemed to be gross errors may be none
                 off_ground, left_out = [], []
                 survey, refined, unseen = free_unchecked_heights(
@@ -188,6 +185,14 @@ def adjust_at_stated_noise(
         (*left_out, *unseen),
         are_all_wrong=found.wrong.issuperset(refined.pick_index.tolist()),
     )
+
+
+def _add_photos_elsewhere(
+    survey: Survey, refined: Refined, causes: tuple[Cause, ...]
+) -> tuple[Cause, ...]:
+    """Add the photos to causes that were left out for another reason than these."""
+    diagnosis = Diagnosis(find_participants(survey, refined), refined)
+    return (*causes, *propose_photos_elsewhere(diagnosis, causes))
 
 
 def _find_mirrored(taking: Participants) -> Robust | None:

@@ -116,8 +116,8 @@ def find_turned_mount(survey: Survey) -> Message | None:
     if seeds is None:
         return None
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    stated = _scatter_m(survey, seeds, ray, np.eye(3))
-    turned = {turn: _scatter_m(survey, seeds, ray, _rotation(*turn)) for turn in _TURNS}
+    stated = compute_scatter(survey, seeds, ray, np.eye(3))
+    turned = {turn: compute_scatter(survey, seeds, ray, _rotation(*turn)) for turn in _TURNS}
     best = min(turned, key=turned.__getitem__)
     heading = _report_turned_heading(survey, ray, min(stated, turned[best]))
     if heading is not None:
@@ -161,7 +161,7 @@ def _report_turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -
     for turn in (90, 180, -90):
         world = _rotation(0, -turn)
         there = replace(seeds, world_from_camera=world @ seeds.world_from_camera)
-        scatter[turn] = _scatter_m(survey, there, ray_camera, np.eye(3))
+        scatter[turn] = compute_scatter(survey, there, ray_camera, np.eye(3))
     best = min(scatter, key=scatter.__getitem__)
     if not scatter[best] < MAX_SCATTER_RATIO * least_m:
         return None
@@ -180,10 +180,22 @@ def _rotation(tilt_deg: float, turn_deg: float) -> Floats:
     return matrix_from_ypr(np.radians(turn_deg), 0.0, np.radians(tilt_deg))
 
 
-def _scatter_m(
+def compute_scatter(
     survey: Survey, seeds: Poses, ray_camera: Floats, camera_from_mounted: Floats
 ) -> float:
-    """Return the RMS scatter [m] of points on the ground between photos; infinite in the sky."""
+    """Return the RMS scatter [m] of points on the ground between photos; infinite in the sky.
+
+    Parameters
+    ----------
+    survey
+        Survey with the picks.
+    seeds
+        Poses of its frames.
+    ray_camera
+        (P, 3) rays of the picks.
+    camera_from_mounted
+        (3, 3) rotation of the camera in its mount.
+    """
     # Repeated clicks in a photo are one sighting of their point.
     seen = np.stack([survey.pick_frame, survey.pick_label])
     (frame, label), first = np.unique(seen, axis=1, return_index=True)

@@ -16,14 +16,14 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import HypothesisTest, ObservationChange
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
-from uavgram.geometry.motion.camera_motion import CLOCK, HEADING_BIAS, POSITION_BIAS
-from uavgram.geometry.motion.interpolation import SmoothPositions
+from uavgram.geometry.motion.camera_motion import HEADING_BIAS, POSITION_BIAS
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import PhotoExposures, TelemetryPrior
 from uavgram.model.message import Message
 from uavgram.model.naming import format_digits
 from uavgram.model.survey import Survey
+from uavgram.stages.messages import report_clock_off
 from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.turned_photos import find_misplaced_photos
 
@@ -32,9 +32,6 @@ CLOCK_SIGMA_S, ROTATION_SIGMA_RAD = 60.0, float(np.radians(60.0))
 
 USUAL_S, USUAL_RAD = 20.0, float(np.radians(20.0))
 """Usual size of these errors [s, rad], for their probability, not their limit."""
-
-MAX_CLOCK_S, STEP_S = 20.0, 0.5
-"""Largest correction of the clock in the search, and its step [s]."""
 
 MAX_MISFIT_SQUARE = 14.0
 """Squared distance of a horizontal shift from zero, in sigmas, below which there is none: exceeded
@@ -55,50 +52,13 @@ def propose_wrong_clock(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     prior = _telemetry(diagnosis.adjustment)
     if prior is None or isinstance(diagnosis.adjustment.survey.track, PhotoExposures):
         return
-    elsewhere_s, promise = _find_best_clock(diagnosis, prior)
-    for shift_s in {0.0, elsewhere_s}:
-        yield Hypothesis(
-            message=_clock_message,
-            moved=() if shift_s else (prior_derivative(diagnosis.adjustment, kind="clock"),),
-            settled=partial(_clock, prior),
-            freed=partial(_free_clock, shift_s),
-            promise=promise if shift_s else 0.0,
-            price=widening_price(1, USUAL_S, prior.clock_sigma_s),
-        )
-
-
-def _find_best_clock(diagnosis: Diagnosis, prior: TelemetryPrior) -> tuple[float, float]:
-    """Find the clock correction [s] by which the log's positions fit best, and its gain.
-
-    The adjustment searches from the stated clock, and a curved flight path has other minima. 0
-    where the best correction is close to the present one.
-    """
-    adjustment, every = diagnosis.adjustment, diagnosis.survey.telemetry
-    survey, track = adjustment.survey, diagnosis.survey.track
-    if every is None or track is None or isinstance(track, PhotoExposures):
-        return 0.0, 0.0
-    times = (track.position_time_s, track.attitude_time_s, track.gimbal_time_s)
-    known = [time for time in times if len(time)]
-    first, last = max(t[0] for t in known), min(t[-1] for t in known)
-    now_s = float(adjustment.state.telemetry[CLOCK][0])
-    tried = np.append(now_s, np.arange(-MAX_CLOCK_S, MAX_CLOCK_S + STEP_S / 2, STEP_S))
-    tried = tried[(tried >= every.time_s.max() - last) & (tried <= every.time_s.min() - first)]
-    if len(tried) < 2 or tried[0] != now_s:
-        return 0.0, 0.0
-    names = [survey.frame_id[k] for k in prior.frame_index]
-    stated = {diagnosis.survey.frame_id[k]: row for row, k in enumerate(every.frame_index)}
-    covariance = every.covariance[[stated[name] for name in names]]
-    path = SmoothPositions(track.position_time_s, track.position_world_m)
-    at_s = (prior.time_s[None] - tried[:, None]).ravel()
-    place = path.at(at_s)[0].reshape(len(tried), len(names), 3)
-    weight = 1.0 / covariance[:, [0, 1, 2], [0, 1, 2]]
-    # Squares of the differences from their weighted mean (the common bias), for each correction.
-    off = adjustment.state.center[prior.frame_index] - place
-    off = off - (np.sum(weight * off, axis=1) / weight.sum(axis=0))[:, None]
-    cost = np.sum(weight * off**2, axis=(1, 2))
-    best = int(cost.argmin())
-    is_near = abs(tried[best] - now_s) < STEP_S
-    return (0.0, 0.0) if is_near else (float(tried[best]), float(cost[0] - cost[best]))
+    yield Hypothesis(
+        message=_clock_message,
+        moved=(prior_derivative(diagnosis.adjustment, kind="clock"),),
+        settled=partial(_compute_deviation, kind="clock"),
+        freed=partial(_replace_prior, clock_sigma_s=CLOCK_SIGMA_S),
+        price=widening_price(1, USUAL_S, prior.clock_sigma_s),
+    )
 
 
 def propose_shifted_control(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
@@ -483,24 +443,6 @@ def _free_heading(heading_rad: float, survey: Survey) -> Survey:
     )
 
 
-def _free_clock(shift_s: float, survey: Survey) -> Survey:
-    """Remove the prior of the camera's clock, and begin from another correction."""
-    prior = survey.telemetry
-    if prior is None:
-        return survey
-    at_s, middle_s = prior.time_s - shift_s, prior.middle_s - shift_s
-    moved = replace(prior, time_s=at_s, middle_s=middle_s, clock_sigma_s=CLOCK_SIGMA_S)
-    return replace(survey, telemetry=moved)
-
-
-def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """Return the clock's correction relative to the stated one, and its variance."""
-    value, covariance = _compute_deviation(adjustment, kind="clock")
-    prior = adjustment.survey.telemetry
-    assert prior is not None  # noqa: S101  (a clock is an unknown only with a log)
-    return value + stated.middle_s - prior.middle_s, covariance
-
-
 def _replace_prior(survey: Survey, **sigma: float | Floats) -> Survey:
     """Widen priors of the flight's common unknowns."""
     if survey.telemetry is None:
@@ -542,15 +484,7 @@ def _free_positions(names: Iterable[str], survey: Survey) -> Survey:
 
 def _clock_message(found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101  (it is judged by its linear test)
-    off, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
-    way = "fast" if off > 0 else "slow"
-    return Message(
-        "warning",
-        "clock-off",
-        f"The camera's clock is {abs(off):.1f} ± {format_digits(sigma, 1)} s off, more than the "
-        f"stated "
-        f"sigma allows: change `time.offset_s` in the project by {off:+.1f} (the clock is {way}).",
-    )
+    return report_clock_off(float(found.value[0]), float(np.sqrt(found.covariance[0, 0])))
 
 
 def _camera_message(found: HypothesisTest | None) -> Message:
