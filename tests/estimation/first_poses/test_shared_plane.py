@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
-from scenes import Scene
+from scenes import INTRINSICS, Scene, cv_pixels
 
 from uavgram.estimation.first_poses.shared_plane import find_shared_planes
 from uavgram.estimation.survey.selection import select_lines
@@ -76,3 +77,27 @@ def test_a_survey_is_adjusted_though_no_photo_shows_three_lengths(
     # The same shape and size; without a log its place and direction are arbitrary.
     apart, truth = (np.linalg.norm(p[:, None] - p[None], axis=-1) for p in (one, other))
     assert np.abs(apart - truth).max() < 0.01 * truth.max()
+
+
+def test_points_of_stated_height_count_as_shared_points(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    """Half of the points are kerbs and corners of cars; the ground alone has fewer than six."""
+    scene = scene_factory(11, **FEW_LENGTHS)
+    survey, truth = with_one_length(scene.survey), scene.truth
+    ends = np.append(survey.line_start, survey.line_end)
+    raised = np.setdiff1d(np.arange(len(survey.label)), ends)[: len(survey.label) - 5]
+    up_m = np.zeros(len(survey.label))
+    up_m[raised] = np.resize([0.12, 0.7, 0.95], len(raised))
+    world = scene.world + up_m[:, None] * [0.0, 0.0, 1.0]
+    pixel = [
+        cv_pixels(INTRINSICS, truth.center[f], truth.rotation[f], world[[k]])[0][0]
+        for f, k in zip(survey.pick_frame, survey.pick_label, strict=True)
+    ]
+    known = replace(survey, pixel_px=np.array(pixel), height_above_m=up_m)
+    ((frame, planes),) = find_shared_planes(known, rays(known)).items()
+    height_m = truth.center[frame, 2] - world[0, 2]
+    true = -truth.rotation[frame, 2] / height_m
+    assert np.linalg.norm(planes - true, axis=1).min() < 0.005 * np.linalg.norm(true)
+    refined, _ = refine(known, SolveOptions(noise="stated"))
+    assert len(refined.pick_index) == len(known.pick_frame)

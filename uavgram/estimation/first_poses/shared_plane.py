@@ -1,14 +1,16 @@
-"""Planes under photos from the points of the ground that two of them share, without a log.
+"""Planes under photos from points of known height that two of them share, without a log.
 
 Two calibrated photos of a plane differ by a homography H = R + t n', with the rotation R and the
 shift t from one to the other, in units of the height above the plane, and the plane's normal n. A
-length that the photo shows whole gives the height.
+length that the photo shows whole gives the height. Points above the plane are moved to where the
+second photo would show the ground below the first one's rays.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +25,12 @@ from uavgram.model.survey import Survey
 
 MIN_SHARED = 6
 """Points that two photos share: four determine the homography, and two check it."""
+
+MIN_ON_PLANE = 4
+"""Points on the plane itself from which the homography begins; with fewer, from all points."""
+
+HEIGHT_ROUNDS = 4
+"""Number of times that points above the plane are moved to it, for a better homography."""
 
 MAX_RMS_SIGMAS = 5.0
 """RMS residual of the homography, in sigmas of a pick, above which other photos come first."""
@@ -47,8 +55,7 @@ def find_shared_planes(survey: Survey, ray: Floats) -> dict[int, Floats]:
     enough points and one of them shows a length.
     """
     label, lines = survey.pick_label, find_seen_lines(survey)
-    on_plane = has_known_height(survey) & (survey.height_above_m == 0.0)
-    usable = np.flatnonzero(on_plane[label] & np.isfinite(ray).all(axis=1))
+    usable = np.flatnonzero(has_known_height(survey)[label] & np.isfinite(ray).all(axis=1))
     picks = {int(k): usable[survey.pick_frame[usable] == k] for k in np.unique(survey.pick_frame)}
     with_length = set(lines.frame.tolist())
     found: list[tuple[bool, int, int, Floats]] = []
@@ -59,21 +66,93 @@ def find_shared_planes(survey: Survey, ray: Floats) -> dict[int, Floats]:
         if len(own) < MIN_SHARED or frame not in with_length:
             continue
         own, shared = picks[frame][own], picks[other][shared]
-        homography = _fit_homography(ray[own], ray[shared])
-        off = _project(homography, ray[own]) - ray[shared, :2]
+        pair = _Pair(ray[own], ray[shared], survey.height_above_m[label[own]])
         sigma = survey.pick_sigma_px[shared] / survey.calibration.parameters[0]
-        rms = float(np.sqrt(np.mean(np.sum((off / sigma[:, None]) ** 2, axis=1))))
-        planes = [
-            normal / _find_height(survey, ray, lines, frame, normal)
-            for normal, shift in _decompose(homography)
-            if np.linalg.norm(shift) > MIN_SHIFT and (ray[own] @ normal > 0.0).all()
-        ]
-        if planes:
-            found.append((not rms < MAX_RMS_SIGMAS, -len(own), frame, np.stack(planes)))
+
+        def find_height(normal: Floats, frame: int = frame) -> float:
+            return _find_height(survey, ray, lines, frame, normal)
+
+        fitted = _fit_planes(pair, sigma, find_height)
+        if fitted:
+            rms = min(one for one, _ in fitted)
+            planes = np.stack([plane for _, plane in fitted])
+            found.append((not rms < MAX_RMS_SIGMAS, -len(own), frame, planes))
     if not found:
         return {}
     _, _, frame, best = min(found, key=lambda one: one[:3])
     return {frame: best}
+
+
+class _Pair(NamedTuple):
+    """Points that two photos share.
+
+    Attributes
+    ----------
+    ray, other
+        (n, 3) undistorted rays in both photos, z = 1.
+    up_m
+        (n,) known heights above the ground.
+    """
+
+    ray: Floats
+    other: Floats
+    up_m: Floats
+
+    def list_views(self, homography: Floats) -> list[_View]:
+        """List the planes, and the second photo's poses, that a homography allows."""
+        return [
+            view
+            for view in _decompose(homography)
+            if np.linalg.norm(view.shift) > MIN_SHIFT and (self.ray @ view.normal > 0.0).all()
+        ]
+
+
+class _View(NamedTuple):
+    """Plane under a photo, and pose of another one.
+
+    Attributes
+    ----------
+    normal
+        (3,) unit vector to the plane, in the first photo.
+    turn, shift
+        (3, 3), (3,) second photo from first one, the shift in heights above the plane.
+    """
+
+    normal: Floats
+    turn: Floats
+    shift: Floats
+
+
+def _fit_planes(
+    pair: _Pair, sigma: Floats, find_height: Callable[[Floats], float]
+) -> list[tuple[float, Floats]]:
+    """Fit planes (3,) m to points of a pair, each with its RMS residual in sigmas (n,)."""
+    on_plane = pair.up_m == 0.0
+    start = on_plane if on_plane.sum() >= MIN_ON_PLANE else np.ones(len(on_plane), dtype=np.bool_)
+    found = []
+    for view in pair.list_views(_fit_homography(pair.ray[start], pair.other[start])):
+        height_m, now, used, other = find_height(view.normal), view, start, pair.other
+        for _ in range(HEIGHT_ROUNDS):
+            low, lowered = pair.up_m < height_m, _lower_to_plane(pair, now, height_m)
+            possible = pair.list_views(_fit_homography(pair.ray[low], lowered[low]))
+            if low.sum() < MIN_SHARED or not possible:
+                break
+            nearness = [float(one.normal @ now.normal) for one in possible]
+            now, used, other = possible[int(np.argmax(nearness))], low, lowered
+            height_m = find_height(now.normal)
+        off = _project(now.turn + np.outer(now.shift, now.normal), pair.ray) - other[:, :2]
+        squares = np.sum((off / sigma[:, None]) ** 2, axis=1)
+        found.append((float(np.sqrt(np.mean(squares[used]))), now.normal / height_m))
+    return found
+
+
+def _lower_to_plane(pair: _Pair, view: _View, height_m: float) -> Floats:
+    """Return the rays (n, 3) of the second photo to the ground below those of the first one."""
+    down = pair.ray / (pair.ray @ view.normal)[:, None]  # of height 1
+    on_ground = down @ view.turn.T + view.shift
+    above = (down * (1.0 - pair.up_m / height_m)[:, None]) @ view.turn.T + view.shift
+    moved = on_ground / on_ground[:, 2:] - above / above[:, 2:]
+    return np.asarray(pair.other + moved)
 
 
 def _fit_homography(one: Floats, other: Floats) -> Floats:
@@ -97,8 +176,8 @@ def _project(homography: Floats, ray: Floats) -> Floats:
     return np.asarray(there[:, :2] / there[:, 2:])
 
 
-def _decompose(homography: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """Yield the normals (3,) and shifts (3,) of a homography of middle singular value 1.
+def _decompose(homography: Floats) -> Iterator[_View]:
+    """Yield the planes and poses of a homography of middle singular value 1.
 
     Ma, Soatto, Kosecka and Sastry 2004, "An Invitation to 3-D Vision", algorithm 5.2. With the
     singular values s1 >= 1 >= s3 and right singular vectors v, H keeps the lengths of vectors in
@@ -117,7 +196,7 @@ def _decompose(homography: Floats) -> Iterator[tuple[Floats, Floats]]:
         turn = np.column_stack([v2, after, np.cross(v2, after)]) @ before.T
         shift = (homography - turn) @ normal
         for one in (1.0, -1.0):
-            yield one * normal, one * shift
+            yield _View(one * normal, turn, one * shift)
 
 
 def _find_height(

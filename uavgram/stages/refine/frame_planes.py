@@ -94,7 +94,7 @@ def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
             "nothing shows where the photos were taken. Without a flight log, mark both ends of "
             "three known lengths in one photo "
             f"(most so far: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}), or one "
-            "known length and six points on the ground in two photos"
+            "known length and six points of known height in two photos"
         )
     frame = max(seen, key=lambda f: (seen[f].scaled, seen[f].rows, -f))
     known, name = seen[frame], survey.frame_id[frame]
