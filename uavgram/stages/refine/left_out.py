@@ -9,7 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.estimation.reliability.stated_values import describe_displacement, explain_coordinates
+from uavgram.estimation.reliability.stated_values import (
+    describe_displacement,
+    explain_coordinates,
+    explain_length,
+)
 from uavgram.estimation.survey.adjustment import LeftOutRows, Refined, Removal, compute_heights
 from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_lines
@@ -204,13 +208,18 @@ def report_heights_left_out(
     found, sigma = compute_heights(refined.adjustment)
     for label in labels:
         row = refined.adjustment.label_rows([label])[0]
-        stated_m = survey.height_above_m[survey.label.index(label)]
+        k = survey.label.index(label)
+        stated_m = float(survey.height_above_m[k])
         what = f"{label!r} is stated at {stated_m:.2f} m above the ground"
         shown = ""
         if row >= 0:
             if abs(found[row] - stated_m) < MIN_HEIGHT_SIGMAS * sigma[row]:
                 continue
             shown = f", and the photos show it at {found[row]:.2f} ± {sigma[row]:.2f} m"
+            mistake = explain_length(
+                stated_m, survey.height_sigma_m[k], float(found[row]), float(sigma[row])
+            )
+            shown += f" ({mistake}?)" if mistake else ""
         text = (
             f"The stated height of {label!r} was left out: {what}{shown}. Measure its height "
             "again, and check whether its picks are on the right thing; until then the height that "

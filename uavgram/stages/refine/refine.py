@@ -13,6 +13,7 @@ The steps of `refine`:
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +37,10 @@ from uavgram.stages.refine.causes.mirrored_photos import (
     report_mirror_image,
 )
 from uavgram.stages.refine.gross_errors import adjust_robustly
+from uavgram.stages.refine.impossible_heights import (
+    correct_impossible_heights,
+    report_impossible_heights,
+)
 from uavgram.stages.refine.left_out import add_records, report_poses_left_out
 from uavgram.stages.refine.minima import find_best_minima
 from uavgram.stages.refine.misspelt_labels import report_misspelt_labels
@@ -79,6 +84,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         The observations do not determine the survey; the message names the missing ones.
     """
     # First poses from ties; then remove wrong ties and matches.
+    given = survey
+    survey, above = correct_impossible_heights(given)
     stated, far_off = add_tied_frames(survey)
     stated = add_motion_by_photos(stated)
     sound = remove_wrong_ties(stated, learn=options.noise == "estimate")
@@ -144,7 +151,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     # Report a point off the ground once, with its adjusted height.
     messages = (
         *(one.message for one in causes if not _is_adjusted_so(one.message, refined)),
-        *begun.messages,
+        *report_impossible_heights(given, refined, above),
+        *(one for one in begun.messages if not _is_on_height_of(one, above)),
         *tied,
         *report_off_ground(refined),
         *readout,
@@ -156,6 +164,11 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     if not any("lengths" in one.message.code for one in causes):
         search += report_possible_errors(refined.adjustment)
     return refined, (*messages, *report_refinement(survey, refined), *search)
+
+
+def _is_on_height_of(message: Message, names: Collection[str]) -> bool:
+    """Return whether a message is on the stated height of one of some points."""
+    return message.code == "height-left-out" and set(names).issuperset(message.labels)
 
 
 def _is_adjusted_so(message: Message, refined: Refined) -> bool:

@@ -28,6 +28,9 @@ from uavgram.stages.refine.robust_adjustment import (
 MAX_RIVAL_INCREASE = 2.0 * float(np.log(20.0))
 """Difference of costs up to which another explanation has odds of more than 1 in 20."""
 
+HEIGHTS = ("heights", "roughness")
+"""Groups of a point's height, stated or on the ground, which may be wrong like a reading."""
+
 PIXEL_SQUARES = 2.0
 """Expected sum of squares of the two coordinates of a click with an error of the stated size."""
 
@@ -86,7 +89,7 @@ def falls_with_all(
     force = inverse @ error
     covariance = minimum.factor.covariance()
     falls: dict[str, Floats] = {}
-    for name in (one for one in READINGS if one in minimum.blocks):
+    for name in (one for one in (*READINGS, *HEIGHTS) if one in minimum.blocks):
         other = minimum.blocks[name]
         # Residuals r - X v and cofactors Q + X V^-1 X^T of all others.
         moved = other.times(slice(None), pull)

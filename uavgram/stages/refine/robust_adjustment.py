@@ -191,7 +191,10 @@ def decide(
             unlikely = _find_unlikely_heights(problem, minimum, out) & ~on_ground
             on_ground |= unlikely
             gross["pixels"] |= np.isin(problem.survey.pick_label, problem.third.rough[unlikely])
-            _try_heights(problem, gross, out.get("roughness"), on_ground)
+            gross["roughness"] &= ~on_ground
+            _try_heights(problem, gross, "roughness", out, ~on_ground)
+        if "heights" in gross:
+            _try_heights(problem, gross, "heights", out)
         back: dict[str, Bools] = {}
         for name, is_out in gross.items():
             before = out.get(name, np.zeros_like(is_out))
@@ -470,9 +473,13 @@ def _find_unlikely_heights(
 
 
 def _try_heights(
-    problem: SurveyProblem, gross: dict[str, Bools], before: Bools | None, on_ground: Bools
+    problem: SurveyProblem,
+    gross: dict[str, Bools],
+    name: str,
+    out: Mapping[str, Bools],
+    possible: Bools | None = None,
 ) -> None:
-    """Move points off the ground where they are gross errors on it in most of their photos.
+    """Give up heights of points that are gross errors there in most of their photos.
 
     Parameters
     ----------
@@ -480,20 +487,24 @@ def _try_heights(
         The likelihood.
     gross
         Mask of the observations that will take no part, by group; changed in place.
-    before
-        Points of rough ground that are off it already: their picks do not agree on a height either.
-    on_ground
-        Points that stay on it, even if their picks show another height.
+    name
+        Group of heights: the roughness of points on the ground, or stated heights.
+    out
+        Mask of those that take no part already: where a height does not, the picks of the point do
+        not agree on another one either.
+    possible
+        Heights that may be given up; None for all.
     """
-    survey, rough = problem.survey, problem.third.rough
+    survey, third = problem.survey, problem.third
+    point = third.rough if name == "roughness" else third.stated
     photos, wrong = (count_photos_of_picks(survey, rows) for rows in (slice(None), gross["pixels"]))
-    is_new = (2 * wrong > photos)[rough] & (count_photos(survey) > 1)[rough]
-    if before is not None:
-        is_new &= ~before
-    is_new &= ~on_ground
-    gross["roughness"] &= ~on_ground
-    gross["roughness"][is_new] = True
-    gross["pixels"] &= ~np.isin(survey.pick_label, rough[is_new])
+    is_new = (2 * wrong > photos)[point] & (count_photos(survey) > 1)[point]
+    if name in out:
+        is_new &= ~out[name]
+    if possible is not None:
+        is_new &= possible
+    gross[name][is_new] = True
+    gross["pixels"] &= ~np.isin(survey.pick_label, point[is_new])
 
 
 def count_photos_of_picks(survey: Survey, rows: slice | Bools) -> Ints:

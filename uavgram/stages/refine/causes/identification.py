@@ -71,7 +71,10 @@ from uavgram.stages.refine.causes.turned_photos import (
     propose_photos_turned_together,
     propose_turned_photos,
 )
-from uavgram.stages.refine.causes.wrong_heights import propose_heights
+from uavgram.stages.refine.causes.wrong_heights import (
+    propose_heights,
+    propose_heights_in_other_unit,
+)
 from uavgram.stages.refine.causes.wrong_picks import (
     propose_other_places,
     propose_swapped_in_photo,
@@ -127,6 +130,7 @@ COMMON_ERRORS: tuple[Proposal, ...] = (
     propose_common_errors,
     propose_taped_level,
     propose_moved_points,
+    propose_heights_in_other_unit,
     propose_all_mirrored,
     propose_exchanged_axes,
     propose_swapped_everywhere,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -15,6 +16,7 @@ from uavgram.estimation.reliability.hypotheses import (
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
+from uavgram.model.naming import join_names
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import STRAY_DECREASE, find_stray_picks, labels_of
@@ -60,6 +62,48 @@ def propose_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             moved=(one,),
             price=GROSS_ERROR_LOG_ODDS + float(np.log(len(adjustment.survey.label))),
         )
+
+
+HEIGHT_UNITS = ((1.0 / 0.3048, "feet"), (100.0, "centimetres"))
+"""Number of units in a metre in which heights may be typed; the foot by definition of 1959."""
+
+MIN_TYPED_M, MIN_TYPED = 1.5, 2
+"""Least stated height [m] that may be typed in another unit: a car's corner in feet; and the least
+number of them. A single one is found as a gross error."""
+
+
+def propose_heights_in_other_unit(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that all large stated heights were typed in another unit, as those of a car."""
+    survey = diagnosis.survey
+    label = np.flatnonzero(~survey.is_free & (survey.height_above_m >= MIN_TYPED_M))
+    if len(label) < MIN_TYPED:
+        return
+    names = tuple(survey.label[k] for k in label)
+    for size, unit in HEIGHT_UNITS:
+        yield Hypothesis(
+            message=partial(_unit_message, names, unit),
+            freed=partial(_convert_heights, label, size),
+            is_of_all=True,
+            promise=diagnosis.cost,  # the decrease of the sum of squares is at most all of it
+            price=GROSS_ERROR_LOG_ODDS + float(np.log(len(HEIGHT_UNITS))),
+            settles=frozenset(names),
+        )
+
+
+def _convert_heights(label: Ints, size: float, survey: Survey) -> Survey:
+    height_m = survey.height_above_m.copy()
+    height_m[label] /= size
+    return replace(survey, height_above_m=height_m)
+
+
+def _unit_message(names: tuple[str, ...], unit: str, _: HypothesisTest | None) -> Message:
+    return Message(
+        "warning",
+        "heights-wrong-unit",
+        f"The stated heights of {join_names(map(repr, names))} seem to be in {unit}, not in "
+        "metres: everything fits if they are. Correct their heights.",
+        labels=names,
+    )
 
 
 def _stray_rows(diagnosis: Diagnosis) -> Ints:
