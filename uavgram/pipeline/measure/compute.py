@@ -52,6 +52,7 @@ from uavgram.stages import judge
 from uavgram.stages.assemble import Assembled, apply_reading_step, assemble
 from uavgram.stages.camera import ASSUMED_CAMERA, UNKNOWN_CAMERA, report_learnt_camera
 from uavgram.stages.duplicates import Duplicates
+from uavgram.stages.ground_height import lower_ground
 from uavgram.stages.measure import (
     add_alternatives,
     check_second_order,
@@ -403,7 +404,10 @@ def _assemble(
         copies=duplicates.photos,
         contradicting=duplicates.contradicting,
     )
-    return assemble(observed), messages
+    assembled = assemble(observed)
+    place = posed.world.origin
+    survey, lowered = lower_ground(assembled.survey, None if place is None else place.height_m)
+    return replace(assembled, survey=survey), (*lowered, *messages)
 
 
 def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> World:

@@ -1,0 +1,56 @@
+"""Correct a stated height of the ground above all cameras: a height above the sea."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.first_poses.first_values import estimate_ground_height
+from uavgram.model.message import Message
+from uavgram.model.survey import Survey
+
+DATUM_SIGMA_M = 3.0
+"""Standard deviation of a height above the sea against the height of a flight's origin [m]."""
+
+
+def lower_ground(survey: Survey, origin_m: float | None) -> tuple[Survey, tuple[Message, ...]]:
+    """Refer heights of the ground to the world's origin where they are above all cameras.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    origin_m
+        Height of the world's origin above the sea or the ellipsoid [m]; None where it is unknown.
+
+    Returns
+    -------
+    survey, messages
+        The survey with the ground at the height of its control points, or at the stated height
+        less that of the origin, or at the origin; and a warning if it was moved.
+    """
+    seeds, stated_m = survey.seeds, survey.ground.height_m
+    if seeds is None or stated_m < seeds.center_world_m[:, 2].max():
+        return survey, ()
+    lowest_m = float(seeds.center_world_m[:, 2].min())
+    guesses_m = [0.0 if origin_m is None else stated_m - origin_m, 0.0]
+    if len(survey.control_label):
+        guesses_m.insert(0, estimate_ground_height(survey))
+    height_m = next((one for one in guesses_m if one < lowest_m), stated_m)
+    grounds = tuple(
+        replace(
+            one,
+            height_m=one.height_m - stated_m + height_m,
+            height_sigma_m=float(np.hypot(one.height_sigma_m, DATUM_SIGMA_M)),
+        )
+        for one in survey.grounds
+    )
+    above = "" if origin_m is None else f", which is at {origin_m:.1f} m"
+    text = (
+        f"The stated height of the ground, {stated_m:.1f} m, is above all cameras: it counts from "
+        f"the world's origin{above}, and seems to be a height above the sea. The results use "
+        f"{height_m:.1f} m, uncertain by {DATUM_SIGMA_M:.0f} m. Correct `ground.height_m`, or "
+        "leave it out."
+    )
+    return replace(survey, grounds=grounds), (Message("warning", "ground-above-cameras", text),)
