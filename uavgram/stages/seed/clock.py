@@ -7,7 +7,7 @@ stated clock, and close together by the right one.
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,7 +21,9 @@ from uavgram.geometry.motion.camera_motion import (
     exposures_by_time,
     predict_pose,
 )
-from uavgram.model.frames import PhotoExposures, Poses
+from uavgram.model.arrays import Floats
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import PhotoExposures, Poses, TelemetryPrior
 from uavgram.model.survey import Survey
 from uavgram.stages.seed.mount import MAX_SCATTER_RATIO, compute_scatter
 
@@ -34,6 +36,9 @@ CLOCK_SIGMAS = 3.0
 MAX_ALIKE_RATIO, MAX_HOVER_S = 2.0, 10.0
 """Ratio of the scatter to the least one up to which an instant fits alike; and the largest time
 between both [s]."""
+
+MAX_POSES = 10_000
+"""Number of poses that are predicted at once."""
 
 
 class OtherClock(NamedTuple):
@@ -72,36 +77,52 @@ def find_other_clock(survey: Survey) -> OtherClock | None:
     def scatter_m(poses: Poses) -> float:
         return compute_scatter(survey, poses, ray, np.eye(3))
 
-    stated_m = scatter_m(seeds)
-    exposures = exposures_by_time(track, [survey.frame_id[k] for k in prior.frame_index])
-    shared = np.zeros(SHARED_SIZE)
-    shared[LEVER_ARM], shared[HEADING_BIAS] = prior.lever_arm_m, prior.heading_bias_rad
-
-    def seeds_at(shift_s: float) -> Poses:
-        there = exposures(prior.time_s - shift_s)
-        since_s = prior.time_s - prior.middle_s
-        center, rotation, _ = predict_pose(there, prior.gimbal_from_camera, shared, since_s)
-        at, turned = seeds.center_world_m.copy(), seeds.world_from_camera.copy()
-        at[prior.frame_index], turned[prior.frame_index] = center, rotation
-        return replace(seeds, center_world_m=at, world_from_camera=turned)
-
-    found: dict[float, float] = {}
-    for shift_s in np.arange(-MAX_CLOCK_S, MAX_CLOCK_S + STEP_S / 2.0, STEP_S).tolist():
-        if abs(shift_s) > CLOCK_SIGMAS * prior.clock_sigma_s:
-            with suppress(ValueError):  # outside the log
-                found[shift_s] = scatter_m(seeds_at(shift_s))
-    least_m = min(found.values(), default=np.inf)
-    if not least_m < MAX_SCATTER_RATIO * stated_m:
+    tried = np.arange(-MAX_CLOCK_S, MAX_CLOCK_S + STEP_S / 2.0, STEP_S)
+    tried = tried[np.abs(tried) > CLOCK_SIGMAS * prior.clock_sigma_s]
+    first_s, last_s = _find_span(track)
+    inside = (tried >= prior.time_s.max() - last_s) & (tried <= prior.time_s.min() - first_s)
+    tried = tried[inside]
+    found = [scatter_m(poses) for poses in _predict_seeds(survey, prior, track, seeds, tried)]
+    least_m = min(found, default=np.inf)
+    if not least_m < MAX_SCATTER_RATIO * scatter_m(seeds):
         return None
     # While the drone hovers, every instant fits alike: take the middle of those.
-    alike = np.array([one for one, size_m in found.items() if size_m < MAX_ALIKE_RATIO * least_m])
-    best_s = min(found, key=found.__getitem__)
-    alike = alike[np.abs(alike - best_s) <= MAX_HOVER_S]
+    alike = tried[np.array(found) < MAX_ALIKE_RATIO * least_m]
+    alike = alike[np.abs(alike - tried[int(np.argmin(found))]) <= MAX_HOVER_S]
     shift_s, sigma_s = float(alike.mean()), float(np.ptp(alike) + STEP_S) / np.sqrt(12.0)
+    (there,) = _predict_seeds(survey, prior, track, seeds, np.array([shift_s]))
     moved = replace(
         prior,
         time_s=prior.time_s - shift_s,
         middle_s=prior.middle_s - shift_s,
         clock_sigma_s=float(np.hypot(prior.clock_sigma_s, sigma_s)),
     )
-    return OtherClock(replace(survey, seeds=seeds_at(shift_s), telemetry=moved), shift_s)
+    return OtherClock(replace(survey, seeds=there, telemetry=moved), shift_s)
+
+
+def _find_span(track: Track) -> tuple[float, float]:
+    """Return the first and the last instant at which a track has a pose."""
+    every = (track.position_time_s, track.attitude_time_s, track.gimbal_time_s)
+    known = [times for times in every if len(times)]
+    return max(times[0] for times in known), min(times[-1] for times in known)
+
+
+def _predict_seeds(
+    survey: Survey, prior: TelemetryPrior, track: Track, seeds: Poses, shift_s: Floats
+) -> Iterator[Poses]:
+    """Predict the seeds by each of some corrections of the clock (n,)."""
+    count = len(prior.time_s)
+    shared = np.zeros(SHARED_SIZE)
+    shared[LEVER_ARM], shared[HEADING_BIAS] = prior.lever_arm_m, prior.heading_bias_rad
+    exposures = exposures_by_time(track, survey.frame_id)
+    at_once = max(MAX_POSES // max(count, 1), 1)
+    for first in range(0, len(shift_s), at_once):
+        some_s = shift_s[first : first + at_once, None]
+        since_s = np.tile(prior.time_s - prior.middle_s, len(some_s))
+        there = exposures((prior.time_s - some_s).ravel())
+        center, rotation, _ = predict_pose(there, prior.gimbal_from_camera, shared, since_s)
+        for k in range(len(some_s)):
+            own = slice(k * count, (k + 1) * count)
+            at, turned = seeds.center_world_m.copy(), seeds.world_from_camera.copy()
+            at[prior.frame_index], turned[prior.frame_index] = center[own], rotation[own]
+            yield replace(seeds, center_world_m=at, world_from_camera=turned)
