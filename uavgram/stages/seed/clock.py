@@ -37,6 +37,10 @@ MAX_ALIKE_RATIO, MAX_HOVER_S = 2.0, 10.0
 """Ratio of the scatter to the least one up to which an instant fits alike; and the largest time
 between both [s]."""
 
+MIN_SCATTER_SHARE = 0.05
+"""Scatter by the stated clock, as a share of the height above the ground, below which it is right:
+at most 0.04 in faultless surveys, at least 0.08 by clocks that are 8 s off."""
+
 MAX_POSES = 10_000
 """Number of poses that are predicted at once."""
 
@@ -77,6 +81,11 @@ def find_other_clock(survey: Survey) -> OtherClock | None:
     def scatter_m(poses: Poses) -> float:
         return compute_scatter(survey, poses, ray, np.eye(3))
 
+    stated_m, height_m = scatter_m(seeds), seeds.center_world_m[:, 2] - survey.ground.height_m
+    if len(np.unique(survey.pick_frame)) < 2 or stated_m < MIN_SCATTER_SHARE * float(
+        np.median(height_m)
+    ):
+        return None
     tried = np.arange(-MAX_CLOCK_S, MAX_CLOCK_S + STEP_S / 2.0, STEP_S)
     tried = tried[np.abs(tried) > CLOCK_SIGMAS * prior.clock_sigma_s]
     first_s, last_s = _find_span(track)
@@ -84,7 +93,7 @@ def find_other_clock(survey: Survey) -> OtherClock | None:
     tried = tried[inside]
     found = [scatter_m(poses) for poses in _predict_seeds(survey, prior, track, seeds, tried)]
     least_m = min(found, default=np.inf)
-    if not least_m < MAX_SCATTER_RATIO * scatter_m(seeds):
+    if not least_m < MAX_SCATTER_RATIO * stated_m:
         return None
     # While the drone hovers, every instant fits alike: take the middle of those.
     alike = tried[np.array(found) < MAX_ALIKE_RATIO * least_m]
