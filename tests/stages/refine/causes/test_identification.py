@@ -174,6 +174,27 @@ def test_a_hypothesis_that_leaves_more_than_another_explanation_is_not_tried(
     assert tried == [40.0]
 
 
+@pytest.mark.parametrize(("leaves", "is_bounded"), [(False, True), (True, False)])
+def test_rivals_of_what_explains_all_have_to_fit_nearly_as_well(
+    monkeypatch: pytest.MonkeyPatch, *, leaves: bool, is_bounded: bool
+) -> None:
+    stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
+    every = [Hypothesis(message=told_as("a"), promise=promise, price=2.0) for promise in (40, 39)]
+    limits: list[float] = []
+
+    def try_one(_: Diagnosis, one: JudgedHypothesis, limit: float) -> JudgedHypothesis:
+        limits.append(limit)
+        after = cast("Diagnosis", SimpleNamespace(cost=7.0))
+        return replace(one, odds=SURE_LOG_ODDS + 1.0, after=after)
+
+    monkeypatch.setattr(room, "try_hypothesis", try_one)
+    monkeypatch.setattr(room, "needs_cause", lambda _: leaves)
+    monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
+    room._find_likeliest(stands, [lambda _, one=one: [one] for one in every])
+    bound = 7.0 + 2.0 * 2.0 + 4.0 * SURE_LOG_ODDS
+    assert limits == [np.inf, bound if is_bounded else np.inf]
+
+
 def test_of_two_errors_the_first_has_to_explain_half_of_what_both_have_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

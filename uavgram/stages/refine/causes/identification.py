@@ -457,6 +457,7 @@ def _find_likeliest(
         if one.odds < (-SURE_LOG_ODDS if accused else 0.0) or best > one.odds + SURE_LOG_ODDS:
             break  # the others promise less in the linear model
         trials.append(try_hypothesis(diagnosis, one, limit))
+        limit = min(limit, _bound_rivals(trials[-1]))
     # The rest may still be noisier than stated. Use the same noise for all trials; otherwise it
     # would decide between two that explain nearly all.
     noise = min((one.noise for one in trials if one.after is not None), default=1.0)
@@ -480,6 +481,14 @@ def _find_likeliest(
         and one.gain > 2.0 * SURE_LOG_ODDS
     )
     return None, tuple(sorted(possible, key=lambda one: -one.odds))
+
+
+def _bound_rivals(one: JudgedHypothesis) -> float:
+    """Bound the sum of squares of the rivals of a hypothesis that explains all; else no bound."""
+    is_sure = one.odds > SURE_LOG_ODDS and one.noise == 1.0 and not _blames_tapes(one)
+    if one.after is None or not is_sure or needs_cause(one.after):
+        return np.inf
+    return one.after.cost + 2.0 * one.hypothesis.price + 4.0 * SURE_LOG_ODDS
 
 
 def _nearly_as_likely(kind: Sequence[JudgedHypothesis]) -> list[JudgedHypothesis]:
