@@ -274,14 +274,40 @@ def test_one_photo_has_no_start_from_the_heights_that_photos_show(
     begun: list[bool] = []
     anneal = robust_adjustment.anneal
 
-    def record(*of: Any, on_ground: bool = True) -> Any:  # noqa: ANN401
+    def record(*of: Any, on_ground: bool = True, limit: float = np.inf) -> Any:  # noqa: ANN401
         begun.append(on_ground)
-        return anneal(*of, on_ground=on_ground)
+        return anneal(*of, on_ground=on_ground, limit=limit)
 
     monkeypatch.setattr(robust_candidate, "anneal", record)
     list(robust_candidate.adjust_from_softened(taking))
     assert begun
     assert all(begun)
+
+
+def test_an_explanation_that_remains_far_costlier_than_another_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(robust_adjustment, "SURE_ROUNDS", 1)
+    taking = all_of(survey_with("pick", LOG, 0)[1].survey)
+    candidate = next(robust_candidate.adjust_from_softened(taking))
+    found, decide = candidate.annealed, robust_adjustment.decide
+    begun = robust_adjustment.minimise_weighted_cost(found.problem, found.minimum.state, {})
+    bound = robust_candidate.bound_cost(taking, [candidate])
+    assert bound == candidate.cost(taking)
+    assert decide(found.problem, begun, {}, bound).cost == decide(found.problem, begun, {}).cost
+    with pytest.raises(ValueError, match="another explanation costs less"):
+        decide(found.problem, begun, {}, bound - robust_adjustment.HOPELESS_COST - 1.0)
+
+
+def test_explanations_without_a_photo_do_not_bound_the_cost_of_others() -> None:
+    taking: Any = None
+    without: Any = SimpleNamespace(
+        misplaced=("photo 1",), gives_up_log=lambda: False, cost=lambda _: 7.0
+    )
+    whole = SimpleNamespace(**{**vars(without), "misplaced": ()})
+    logless = SimpleNamespace(**{**vars(whole), "gives_up_log": lambda: True})
+    bounds = [robust_candidate.bound_cost(taking, [one]) for one in (without, whole, logless)]
+    assert bounds == [np.inf, 7.0, np.inf]
 
 
 def test_parts_are_skipped_that_explain_less_than_an_earlier_part(

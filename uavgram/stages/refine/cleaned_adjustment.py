@@ -348,9 +348,8 @@ def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
     # Exchange the roles of the point's picks, and decide again.
     weight = {**found.weight, "pixels": np.where(gross ^ own, ZERO_WEIGHT, 1.0)}
     try:
-        other = decide(
-            problem, minimise_weighted_cost(problem, found.minimum.state, weight), weight
-        )
+        minimum = minimise_weighted_cost(problem, found.minimum.state, weight)
+        other = decide(problem, minimum, weight, found.cost)
     except (SingularError, ValueError):  # undetermined, or impossible
         return False
     is_other = own & gross & (other.misfit["pixels"] <= GROSS_SIGMAS)

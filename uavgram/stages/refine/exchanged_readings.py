@@ -68,7 +68,7 @@ def try_exchanged_readings(
     """
     if found and found[0].leaves_out_nothing():
         return
-    goal = found[0].cost(taking) + MAX_RIVAL_INCREASE if found else np.inf
+    goal = found[0].bound_exchange(taking) if found else np.inf
     survey = taking.survey
     control, is_explained = _list_control_to_exchange(taking, found), False
     for pair in _choose_untried("control", control, tried):
@@ -78,7 +78,7 @@ def try_exchanged_readings(
         exchanged = replace(taking, survey=other)
         whole = add_small_roughness(exchanged)
         names = tuple(survey.label[k] for k in survey.control_label[pair])
-        patience = Patience(goal=goal)
+        patience = Patience(goal=goal, limit=goal)
         for one in adjust_from_reduced(whole, whole, exchanged, patience, again=True):
             explains_all = one.leaves_out_nothing()
             is_explained |= explains_all
@@ -98,7 +98,7 @@ def try_exchanged_readings(
         length_m[pair] = length_m[pair[::-1]]
         reduced = replace(taking, survey=replace(survey, length_m=length_m))
         rest = taking.leave_out_lines(pair)
-        patience = Patience(goal=goal)
+        patience = Patience(goal=goal, limit=goal)
         parts = (add_small_roughness(reduced), add_small_roughness(rest), rest)
         for one in adjust_from_reduced(*parts, patience, again=True):
             if one.leaves_out_nothing() and adjust_without_candidate(one) is not None:

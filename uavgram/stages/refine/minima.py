@@ -163,11 +163,14 @@ class Patience(NamedTuple):
         Iterations from each of several: a rival that is interrupted goes unreported.
     goal
         Sum of squares above which a result is of no use, and the iterations may end.
+    limit
+        Cost above which a robust adjustment that begins at the result is of no use.
     """
 
     single: int | None = None
     several: int | None = None
     goal: float = np.inf
+    limit: float = np.inf
 
 
 TRIAL_ITERATIONS = 20

@@ -35,6 +35,7 @@ from uavgram.stages.refine.robust_candidate import (
     add_small_roughness,
     adjust_from_reduced,
     adjust_from_softened,
+    bound_cost,
     sort_by_cost,
 )
 
@@ -258,10 +259,11 @@ def _choose_patience(taking: Participants, found: Sequence[Candidate]) -> Patien
     Where few gross errors explain everything, a part that still contains some is no rival, and not
     worth a robust adjustment; few iterations show whether it does.
     """
+    limit = bound_cost(taking, found)
     if not found or not found[0].explains() or len(found[0].unplaced):
-        return FULL
+        return FULL._replace(limit=limit)
     goal = found[0].cost(taking) + MAX_RIVAL_INCREASE - GROSS_SIGMAS**2
-    return QUICK_TRIAL._replace(goal=goal)
+    return QUICK_TRIAL._replace(goal=goal, limit=limit)
 
 
 def _leave_out_contradicting_control(whole: Participants) -> Iterator[Participants]:
@@ -408,13 +410,14 @@ def try_single_error(
     if set(restored) == {"control"} and candidate.taking.survey.telemetry is None:
         others = (one for one in new if one[1] == "control" and one not in likely)
         likely += islice(others, MOST_PROPOSED)
+    limit = bound_cost(candidate.taking, [candidate])
     for _, name, row in likely:
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
         for group, own in (*out, (name, row)):
             weight[group][own] = ZERO_WEIGHT
         with suppress(SingularError, ValueError):  # undetermined, or impossible
             minimum = minimise_weighted_cost(found.problem, found.minimum.state, weight)
-            yield replace(candidate, annealed=decide(found.problem, minimum, weight))
+            yield replace(candidate, annealed=decide(found.problem, minimum, weight, limit))
 
 
 def exchange_gross_errors(candidate: Candidate) -> Iterator[Candidate]:

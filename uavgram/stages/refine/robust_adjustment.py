@@ -75,6 +75,10 @@ residuals, with one degree of freedom, below which they do."""
 MOST_ROUNDS = 6
 """Largest number of rounds in which observations leave and return."""
 
+SURE_ROUNDS, HOPELESS_COST = 3, 64.0
+"""Least number of rounds, and excess of the costs of the last two over a limit, from which the
+result is taken to remain above it: later rounds seldom reduce the cost by half."""
+
 ZERO_WEIGHT = 1e-8
 """Weight of an observation that takes no part."""
 
@@ -125,7 +129,9 @@ class Annealed:
         return np.flatnonzero(self.misfit.get(name, np.zeros(0)) > GROSS_SIGMAS)
 
 
-def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> Annealed:
+def anneal(
+    problem: SurveyProblem, state: State, *, on_ground: bool = True, limit: float = np.inf
+) -> Annealed:
     """Adjust robustly from first values.
 
     Parameters
@@ -135,6 +141,8 @@ def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> A
     on_ground
         Whether the roughness of the ground shrinks with the readings' sigmas, as is right where
         most points are on the ground.
+    limit
+        Cost above which the result is of no use (see `decide`).
 
     Raises
     ------
@@ -153,11 +161,14 @@ def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> A
         }
         soft = dict.fromkeys(groups, softness)
         minimum = minimise_weighted_cost(problem, minimum.state, weight, soft)
-    return decide(problem, minimum, weight)
+    return decide(problem, minimum, weight, limit)
 
 
 def decide(
-    problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
+    problem: SurveyProblem,
+    minimum: Minimum[State],
+    weight: Mapping[str, Floats],
+    limit: float = np.inf,
 ) -> Annealed:
     """Decide for each observation whether it takes part with full weight or not at all.
 
@@ -172,8 +183,16 @@ def decide(
         The likelihood.
     minimum, weight
         The adjustment so far, and its weights.
+    limit
+        Cost above which the result is of no use.
+
+    Raises
+    ------
+    ValueError
+        The cost remains far above the limit (`HOPELESS_COST`).
     """
     out: dict[str, Bools] = {}
+    costs: list[float] = []
     has_returned: dict[str, Bools] = {}
     frames: tuple[str, ...] = ()
     misfit: dict[str, Floats] = {}
@@ -212,6 +231,9 @@ def decide(
             weight = _weigh(gross)
             found = minimise_weighted_cost(problem, minimum.state, weight)
         out, minimum = gross, found
+        costs.append(minimum.cost + _compute_price(problem.survey, out))
+        if len(costs) >= SURE_ROUNDS and min(costs[-2:]) > limit + HOPELESS_COST:
+            raise ValueError("another explanation costs less")
     out, minimum, misfit = _restore_observations(problem, minimum, out, misfit, noise)
     weight = _weigh(out)
     if not minimum.converged:
@@ -232,6 +254,13 @@ def decide(
 def compute_gross_cost(name: str) -> float:
     """Compute the cost of a gross error of a group: a wrong pose of the log counts as two."""
     return GROSS_SIGMAS**2 * (2.0 if name == "telemetry" else 1.0)
+
+
+def _compute_price(survey: Survey, out: Mapping[str, Bools]) -> float:
+    """Compute the cost of the gross errors alone: all clicks of a point in a photo are one."""
+    clicks = count_photos_of_picks(survey, out["pixels"])
+    counts = ((name, clicks if name == "pixels" else is_out) for name, is_out in out.items())
+    return sum(compute_gross_cost(name) * float(count.sum()) for name, count in counts)
 
 
 def _weigh(out: Mapping[str, Bools]) -> dict[str, Floats]:

@@ -6,7 +6,7 @@ rest, and a price of each gross error (`robust_adjustment.compute_gross_cost`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,6 +36,7 @@ from uavgram.stages.refine.minima import (
 from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.readjustment import convert_state
 from uavgram.stages.refine.rival_errors import (
+    MAX_RIVAL_INCREASE,
     compute_repeated_cost,
     compute_size_cost,
     has_rival,
@@ -185,6 +186,13 @@ class Candidate:
         # Sum of squares of the rest.
         squares = found.cost - sum(compute_gross_cost(name) * n for name, n in gross.items())
         return bool(squares < chdtri(degrees, MISFIT_PROBABILITY))
+
+    def bound_exchange(self, whole: Participants) -> float:
+        """Return the sum of squares that exchanged readings have to reach, and all have to fit."""
+        numbers = sum(block.residual.size for block in self.annealed.minimum.blocks.values())
+        lost = 2 * len(self.unplaced) + self._count_lost_numbers(whole)
+        fitting = float(chdtri(numbers + lost, MISFIT_PROBABILITY))
+        return min(self.cost(whole) + MAX_RIVAL_INCREASE, fitting)
 
     def is_agreed(self) -> bool:
         """Return whether nearly all take part, and no other length or the log could be wrong."""
@@ -379,6 +387,15 @@ def sort_by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[
     )
 
 
+def bound_cost(taking: Participants, found: Sequence[Candidate]) -> float:
+    """Return the cost of the best candidate so far, which others have to reach.
+
+    It is infinite where one of larger cost may come first (`sort_by_cost`).
+    """
+    is_last_resort = not found or found[0].misplaced or found[0].gives_up_log()
+    return np.inf if is_last_resort else found[0].cost(taking)
+
+
 def adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
     """Adjust robustly from hundredfold sigmas, and from heights that photos show.
 
@@ -390,11 +407,14 @@ def adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
         first = find_best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])))
     except GeometryError:
         return
+    found: list[Candidate] = []
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
             placed, problem = _build_stated_problem(adjustment, first, whole)
-            annealed = anneal(problem, convert_state(adjustment, problem))
-            yield Candidate(taking, placed, annealed)
+            start, limit = convert_state(adjustment, problem), bound_cost(taking, found)
+            candidate = Candidate(taking, placed, anneal(problem, start, limit=limit))
+            found = sort_by_cost(taking, [*found, candidate])
+            yield candidate
     if (count_photos(first.adjustment.survey) < 2).all():
         return  # one photo alone shows no heights
     with suppress(SingularError, ValueError):
@@ -405,11 +425,12 @@ def adjust_from_softened(taking: Participants) -> Iterator[Candidate]:
         grounds = [replace(one, roughness_sigma_m=UNKNOWN_HEIGHT_SIGMA_M) for one in survey.grounds]
         anywhere = _replace_ground(problem, tuple(grounds))
         start = convert_state(first.adjustment, anywhere)
-        found = anneal(anywhere, start, on_ground=False)
-        is_off = _clear_of_ground(survey, found.minimum.state.point)[problem.third.rough]
-        weight = {**found.weight, "roughness": np.where(is_off, ZERO_WEIGHT, 1.0)}
-        minimum = minimise_weighted_cost(problem, found.minimum.state, weight)
-        yield Candidate(taking, placed, decide(problem, minimum, weight))
+        raised = anneal(anywhere, start, on_ground=False)
+        is_off = _clear_of_ground(survey, raised.minimum.state.point)[problem.third.rough]
+        weight = {**raised.weight, "roughness": np.where(is_off, ZERO_WEIGHT, 1.0)}
+        minimum = minimise_weighted_cost(problem, raised.minimum.state, weight)
+        limit = bound_cost(taking, found)
+        yield Candidate(taking, placed, decide(problem, minimum, weight, limit))
 
 
 def adjust_from_reduced(
@@ -454,7 +475,7 @@ def adjust_from_reduced(
                 np.isin(placed.pick_index, first.pick_index), 1.0, ZERO_WEIGHT
             )
             minimum = minimise_weighted_cost(problem, convert_state(adjustment, problem), weight)
-            yield Candidate(taking, placed, decide(problem, minimum, weight))
+            yield Candidate(taking, placed, decide(problem, minimum, weight, patience.limit))
 
 
 def _build_stated_problem(
