@@ -19,6 +19,7 @@ from itertools import chain
 from typing import TypeAlias
 
 import numpy as np
+from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.reliability.redundancy import compute_core_fit
@@ -46,6 +47,7 @@ from uavgram.stages.refine.reduced_starts import (
 from uavgram.stages.refine.rival_errors import MAX_RIVAL_INCREASE
 from uavgram.stages.refine.robust_adjustment import compute_squared_misfits
 from uavgram.stages.refine.robust_candidate import (
+    COORDINATES,
     MISFIT_PROBABILITY,
     MISPLACED,
     Candidate,
@@ -55,6 +57,9 @@ from uavgram.stages.refine.robust_candidate import (
 
 ORDINARY_SIGMAS = 5.0
 """Standardised misfit up to which an ordinary adjustment is accepted without a robust one."""
+
+MOST_SHARED = 20
+"""Largest number of unknowns that all photos share: camera, readout, ground, log and tapes."""
 
 
 def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robust:
@@ -121,11 +126,13 @@ def _mark_misplaced_photos(survey: Survey, refined: Refined) -> Refined:
 def _bound_cost_in_order(taking: Participants) -> float:
     """Bound the sum of squares of an adjustment in order (`_is_in_order`)."""
     survey = taking.survey
-    if survey.matches.points + survey.ties.points:
+    if survey.matches.points + survey.ties.points or any(one.relief for one in survey.grounds):
         return np.inf  # their sightings begin far off, and are tested elsewhere
-    readings = len(survey.pick_frame) + len(survey.line_start) + len(survey.known)
+    readings = 2 * len(survey.pick_frame) + len(survey.line_start) + len(survey.known)
     others = len(survey.control_label) + len(survey.label) + len(survey.frame_id)
-    return ORDINARY_SIGMAS**2 * (readings + others)
+    numbers = readings + 2 * COORDINATES * others + MOST_SHARED
+    priors = ORDINARY_SIGMAS**2 * (len(survey.frame_id) + MOST_SHARED)
+    return float(chdtri(numbers, MISFIT_PROBABILITY)) + priors
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
@@ -157,7 +164,9 @@ def _find_best_candidates(taking: Participants) -> list[Candidate]:
     exchanged: set[tuple[str, int, int]] = set()
     try_exchange = partial(try_exchanged_readings, exchanged)
     found = sort_by_cost(taking, take_until_agreed(adjust_from_softened(taking)))
-    found = sort_by_cost(taking, chain(found, try_exchange(taking, found)))
+    # Two exchanged lengths spoil no whole photo: search for such a photo first.
+    if len(taking.survey.control_label) or not (found and found[0].doubts_a_photo()):
+        found = sort_by_cost(taking, chain(found, try_exchange(taking, found)))
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
