@@ -304,8 +304,8 @@ def test_explanations_without_a_photo_do_not_bound_the_cost_of_others() -> None:
     without: Any = SimpleNamespace(
         misplaced=("photo 1",), gives_up_log=lambda: False, cost=lambda _: 7.0
     )
-    whole = SimpleNamespace(**{**vars(without), "misplaced": ()})
-    logless = SimpleNamespace(**{**vars(whole), "gives_up_log": lambda: True})
+    whole: Any = SimpleNamespace(**{**vars(without), "misplaced": ()})
+    logless: Any = SimpleNamespace(**{**vars(whole), "gives_up_log": lambda: True})
     bounds = [robust_candidate.bound_cost(taking, [one]) for one in (without, whole, logless)]
     assert bounds == [np.inf, 7.0, np.inf]
 

@@ -190,7 +190,8 @@ def test_rivals_of_what_explains_all_have_to_fit_nearly_as_well(
     monkeypatch.setattr(room, "try_hypothesis", try_one)
     monkeypatch.setattr(room, "needs_cause", lambda _: leaves)
     monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
-    room._find_likeliest(stands, [lambda _, one=one: [one] for one in every])
+    kinds = [lambda _, one=one: [one] for one in every]
+    room._find_likeliest(stands, kinds)
     bound = 7.0 + 2.0 * 2.0 + 4.0 * SURE_LOG_ODDS
     assert limits == [np.inf, bound if is_bounded else np.inf]
 
