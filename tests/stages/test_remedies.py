@@ -17,8 +17,9 @@ from uavgram.model.message import (
     propose_length_removal,
     propose_pick_removal,
 )
+from uavgram.model.observations import Picks
 from uavgram.model.survey import Ends, Survey, SurveyCorrection
-from uavgram.stages.remedies import add_remedies, make_remedy
+from uavgram.stages.remedies import add_remedies, keep_first_clicks, make_remedy
 
 
 @pytest.fixture(scope="module")
@@ -137,6 +138,40 @@ def test_what_was_never_written_is_not_mended(survey: Survey) -> None:
     assert make_remedy(survey, SurveyCorrection(free={0: False})) is None
     assert make_remedy(nameless, SurveyCorrection(without_lines=frozenset([0]))) is None
     assert make_remedy(nameless, SurveyCorrection(length_m={0: 2.0})) is None
+
+
+def picks_of(pairs: list[tuple[str, str]]) -> Picks:
+    none, images = np.full(len(pairs), np.nan), tuple(image for image, _ in pairs)
+    return Picks(
+        image=images,
+        label=tuple(label for _, label in pairs),
+        pixel_px=np.zeros((len(pairs), 2)),
+        sigma_px=none,
+        height_m=none,
+        height_sigma_m=none,
+        is_free=np.zeros(len(pairs), np.bool_),
+        area=("",) * len(pairs),
+    )
+
+
+def test_of_two_clicks_the_first_is_kept() -> None:
+    one, other = ("1.jpg", "A"), ("2.jpg", "A")
+    removal = propose_pick_removal([one])
+    assert removal is not None
+    both = propose_pick_removal([one, other])
+    assert both is not None
+    message = Message("warning", "a", "It is wrong.", mend=removal, instead=(both,))
+
+    (kept,) = keep_first_clicks([message], picks_of([one, one, other]))
+    assert kept.mend is not None
+    assert kept.mend.words == "Take back the second click of A in 1"
+    assert [change.action for change in kept.mend.corrections] == ["take-back"]
+    (left,) = kept.instead
+    assert [change.action for change in left.corrections] == ["take-back", "unpick"]
+    assert left.words == both.words
+
+    (same,) = keep_first_clicks([message], picks_of([one, other, other]))
+    assert same.mend == removal
 
 
 def test_what_was_measured_is_read_again_before_it_is_removed(survey: Survey) -> None:

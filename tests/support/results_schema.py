@@ -360,7 +360,7 @@ def _reason() -> Record:
     change = _object(correction, optional=[key for key in correction if key != "action"])
     remedy = _record(Remedy, corrections=_array(change))
     reason = _properties(Reason, {"mend": remedy, "instead": _array(remedy)})
-    return _object(reason, optional=("plain", "mend", "instead"))
+    return _object(reason, optional=("plain", "mend", "instead", "equals"))
 
 
 if __name__ == "__main__":  # python tests/support/results_schema.py > uavgram/results.schema.json

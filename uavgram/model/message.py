@@ -12,6 +12,7 @@ from uavgram.model.naming import OPTIONAL, join_photo_names, photo_name
 Action = Literal[
     "swap",
     "unpick",
+    "take-back",
     "move",
     "length",
     "ends",
@@ -24,7 +25,8 @@ Action = Literal[
 ]
 """Kind of a correction.
 
-``swap`` labels; ``unpick`` or ``move`` a pick; correct a ``length`` or its ``ends``; ``read`` a
+``swap`` labels; ``unpick`` or ``move`` a pick, or ``take-back`` the last of several clicks of one
+point in a photo; correct a ``length`` or its ``ends``; ``read`` a
 length again, before ``remove-length``, since a length that is only withheld still contradicts;
 ``free`` a height, or state that a point is ``on-ground``; ``leave-out`` a photo. ``read`` and
 ``tape`` are work for a person and change no input.
@@ -116,12 +118,22 @@ def propose_pick_removal(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
     """Return the remedy that removes picks, given by photo and label; None without any."""
     if not pairs:
         return None
-    frames = list(dict.fromkeys(frame for frame, _ in pairs))
     what = f"the pick of {pairs[0][1]}" if len(pairs) == 1 else f"these {len(pairs)} picks"
+    return _of_picks("unpick", f"Remove {what}", pairs)
+
+
+def propose_taking_back(pairs: Sequence[tuple[str, str]]) -> Remedy:
+    """Return the remedy that takes the second clicks back, given by photo and label."""
+    what = f"click of {pairs[0][1]}" if len(pairs) == 1 else f"clicks of these {len(pairs)} picks"
+    return _of_picks("take-back", f"Take back the second {what}", pairs)
+
+
+def _of_picks(action: Action, words: str, pairs: Sequence[tuple[str, str]]) -> Remedy:
+    frames = list(dict.fromkeys(frame for frame, _ in pairs))
     return Remedy(
-        action="unpick",
-        words=f"Remove {what} in {join_photo_names(frames)}",
-        corrections=tuple(Correction(action="unpick", frame=f, label=one) for f, one in pairs),
+        action=action,
+        words=f"{words} in {join_photo_names(frames)}",
+        corrections=tuple(Correction(action=action, frame=f, label=one) for f, one in pairs),
     )
 
 
@@ -225,6 +237,8 @@ class Message:
     mentions
         Names in the text that are no subjects, as of another cause that explains as much. Not
         stored.
+    equals
+        Other causes that are just as likely, as sentences; stored with the verdict.
     mend, instead
         Proposed correction, and alternatives where the observations cannot decide; stored with the
         verdict.
@@ -245,6 +259,7 @@ class Message:
     )
     plain: Annotated[str, OPTIONAL] = field(default="", compare=False, repr=False)
     mentions: Annotated[tuple[str, ...], OPTIONAL] = field(default=(), compare=False, repr=False)
+    equals: Annotated[tuple[str, ...], OPTIONAL] = field(default=(), compare=False, repr=False)
     mend: Annotated[Remedy | None, OPTIONAL] = field(default=None, compare=False, repr=False)
     instead: Annotated[tuple[Remedy, ...], OPTIONAL] = field(default=(), compare=False, repr=False)
 

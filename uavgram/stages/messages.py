@@ -96,6 +96,7 @@ def _join_messages(group: Sequence[Message]) -> Message:
         what: tuple(dict.fromkeys(chain.from_iterable(getattr(m, what) for m in group)))
         for what in SUBJECTS
     }
+    together["equals"] = tuple(dict.fromkeys(chain.from_iterable(m.equals for m in group)))
     for what in NUMBERS:
         together[what] = tuple(chain.from_iterable(getattr(m, what) for m in group))
     opening = several[0].opening.replace("{count}", str(len(group)))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import isclose
 
@@ -19,8 +20,10 @@ from uavgram.model.message import (
     propose_photo_removal,
     propose_pick_removal,
     propose_swap,
+    propose_taking_back,
 )
 from uavgram.model.naming import join_names, join_photo_names
+from uavgram.model.observations import Picks
 from uavgram.model.survey import Survey, SurveyCorrection
 
 
@@ -67,6 +70,43 @@ def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
             found.append(None)
         found.append(one)
     return found
+
+
+def keep_first_clicks(messages: Iterable[Message], picks: Picks) -> tuple[Message, ...]:
+    """Take back the second click where a message proposes to remove a pick that was clicked twice.
+
+    Parameters
+    ----------
+    messages
+        Messages on a survey.
+    picks
+        Its picks.
+    """
+    counts = Counter(zip(picks.image, picks.label, strict=True))
+    repeated = {pair for pair, count in counts.items() if count > 1}
+    if not repeated:
+        return tuple(messages)
+    return tuple(
+        replace(
+            message,
+            mend=_keep_first_click(message.mend, repeated) if message.mend else None,
+            instead=tuple(_keep_first_click(one, repeated) for one in message.instead),
+        )
+        for message in messages
+    )
+
+
+def _keep_first_click(remedy: Remedy, repeated: Container[tuple[str, str]]) -> Remedy:
+    again = [
+        one.action == "unpick" and (one.frame, one.label) in repeated for one in remedy.corrections
+    ]
+    if again and all(again):
+        return propose_taking_back([(one.frame, one.label) for one in remedy.corrections])
+    changes = tuple(
+        replace(one, action="take-back") if is_again else one
+        for one, is_again in zip(remedy.corrections, again, strict=True)
+    )
+    return replace(remedy, corrections=changes)
 
 
 def report_not_located(names: ObservationNames, suspicion: Suspicion, detail: str) -> Message:

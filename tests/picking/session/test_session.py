@@ -24,7 +24,7 @@ from open_projects import opened
 from uavgram.model.naming import METRIC
 from uavgram.model.observations import MeasurementRequest
 from uavgram.model.result.reliability import VerdictLevel
-from uavgram.picking.document.commands import All, SideView
+from uavgram.picking.document.commands import All, Repeat, SideView
 from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import State, make_observations, make_state
 from uavgram.picking.protocol import messages as m
@@ -118,6 +118,26 @@ def test_the_button_beside_the_first_reason_makes_the_verdict_better(
     assert first["show"]
     assert ORDER.index(after["level"]) < ORDER.index(before["level"])
     assert not [one for one in after["why"] if one["code"] == first["code"]]
+
+
+def test_of_a_wrong_second_click_the_button_keeps_the_first(tmp_path: Path) -> None:
+    project, state = opened_survey(tmp_path, lambda sound: sound, 5)
+    right = next(pick for pick in state.picks if pick.label == "P0")
+    again = Repeat(image=right.image, label="P0", u_px=right.u_px + 80.0, v_px=right.v_px)
+    twice = apply_change(state, again)
+    verdict = project.verdict(twice)
+    mends = [
+        mend
+        for one in (verdict["first"], *verdict["why"])
+        for mend in one["mends"]
+        if [change["t"] for change in mend["changes"]] == ["unpick"]
+    ]
+
+    assert {mend["words"].partition(" in ")[0] for mend in mends} == {
+        "Take back the second click of P0"
+    }
+    for mend in mends:
+        assert project.pressed(twice, mend).picks == state.picks
 
 
 # Snapping where a label is expected: wherever the pointer is, the target there is taken.

@@ -330,6 +330,8 @@ class Reason:
         Proposed correction; None where only a person can.
     instead
         Alternatives, where the observations cannot decide.
+    equals
+        Other causes that are just as likely, as sentences.
     """
 
     cause: str
@@ -341,6 +343,7 @@ class Reason:
     plain: Annotated[str, OPTIONAL] = ""
     mend: Annotated[Remedy | None, OPTIONAL] = None
     instead: Annotated[tuple[Remedy, ...], OPTIONAL] = ()
+    equals: Annotated[tuple[str, ...], OPTIONAL] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,7 @@ here, so that the page judges nothing itself.
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -120,14 +119,12 @@ class Remarks:
         plain = reason.plain or reason.text
         if reason.plain and reason.mend is None and ". " not in plain:  # the finding alone
             plain = f"{plain} {entry_of(reason.cause).action}".rstrip()
-        mends = remedies_json(
-            (reason.mend, *reason.instead), self.lines, self.index, self._repeated()
-        )
-        if JUST_AS_LIKELY in text and not _are_compared(mends):
+        mends = remedies_json((reason.mend, *reason.instead), self.lines, self.index)
+        if reason.equals and not _are_compared(mends):
             # No photo shows which cause is the right one: a change may make it worse.
             mends = [one for one in mends if "way" in one]
-            rivals = text[text.index(JUST_AS_LIKELY) :]
-            plain = f"{plain} {rivals.rstrip('.')}. Look at each before you change anything."
+            rivals = [f"{JUST_AS_LIKELY} {one}" for one in reason.equals]
+            plain = " ".join((plain, *rivals, "Look at each before you change anything."))
         if reason.cause == "mount-stated":
             recorded: m.Way = {"to": "recorded", "names": []}
             mends.append({"words": "Use the recorded angles", "changes": [], "way": recorded})
@@ -148,11 +145,6 @@ class Remarks:
             "mends": mends,
             "show": self._show(reason),
         }
-
-    def _repeated(self) -> frozenset[tuple[str, str]]:
-        """Return photo and label of what a person clicked more than once."""
-        counts = Counter(zip(self.picks.image, self.picks.label, strict=True))
-        return frozenset(pair for pair, count in counts.items() if count > 1)
 
     def _show(self, reason: Reason) -> list[m.PhotoLabel]:
         """Return the most doubtful of the picks that a reason names; of each of a few points.
@@ -212,10 +204,7 @@ class Remarks:
 
 
 def remedies_json(
-    remedies: Iterable[Remedy | None],
-    lines: KnownLines,
-    index: Mapping[str, int],
-    repeated: Container[tuple[str, str]] = (),
+    remedies: Iterable[Remedy | None], lines: KnownLines, index: Mapping[str, int]
 ) -> list[m.Mend]:
     """Return the button text and the changes of each remedy that edits the inputs.
 
@@ -230,9 +219,6 @@ def remedies_json(
         Known lengths as adjusted.
     index
         Numbers of the photos by name.
-    repeated
-        Photo and label of what was clicked more than once: the last click is taken back, and the
-        first one stays.
 
     Notes
     -----
@@ -244,18 +230,10 @@ def remedies_json(
         if (way := _way(remedy, lines, index)) is not None:
             found.append({"words": remedy.words, "changes": [], "way": way})
             continue
-        again = [(one.frame, one.label) in repeated for one in remedy.corrections]
-        changes = [
-            change
-            for one, is_repetition in zip(remedy.corrections, again, strict=True)
-            if (change := _change(one, lines, index, is_repetition=is_repetition)) is not None
-        ]
+        every = (_change(one, lines, index) for one in remedy.corrections)
+        changes = [change for change in every if change is not None]
         if changes and len(changes) == len(remedy.corrections):
-            words = remedy.words
-            if remedy.action == "unpick" and all(again):
-                words = words.replace("Remove the pick", "Take back the second click")
-                words = words.replace("Remove these", "Take back the second clicks of these")
-            found.append({"words": words, "changes": changes})
+            found.append({"words": remedy.words, "changes": changes})
     return found
 
 
@@ -276,9 +254,7 @@ def _way(remedy: Remedy, lines: KnownLines, index: Mapping[str, int]) -> m.Way |
     return None
 
 
-def _change(
-    one: Correction, lines: KnownLines, index: Mapping[str, int], *, is_repetition: bool
-) -> m.Json | None:
+def _change(one: Correction, lines: KnownLines, index: Mapping[str, int]) -> m.Json | None:
     """Return a change in the form that the page sends; None if the page has no such item."""
     if one.action in ("length", "ends", "remove-length"):
         return _line(one, lines)
@@ -290,7 +266,8 @@ def _change(
         what |= {"t": "swap", "image": image, "other": one.other}
     elif one.action == "unpick":
         what |= {"t": "unpick", "image": image}
-        what |= {"is_repetition": True} if is_repetition else {}
+    elif one.action == "take-back":
+        what |= {"t": "unpick", "image": image, "is_repetition": True}
     elif one.action == "move":
         u, v = one.pixel_px
         what |= {"t": "place", "image": image, "u_px": u, "v_px": v}

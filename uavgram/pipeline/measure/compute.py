@@ -71,6 +71,7 @@ from uavgram.stages.messages import (
 )
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
+from uavgram.stages.remedies import keep_first_clicks
 from uavgram.stages.seed.clock import find_other_clock
 from uavgram.stages.seed.headings import find_headings
 from uavgram.stages.seed.mount import find_turned_mount
@@ -284,6 +285,7 @@ def compute(
         *downgrade_explained(judged.messages, refined.causes),
         *judge.judge_makers(judged.picks, measured.table),
     )
+    messages = keep_first_clicks(messages, inputs.picks)
     tied = summarise_ties(adjustment, posed.frames.frame_id)
     still = {cause.message.code for cause in refined.causes if cause not in mended}
     put_right = {cause.message.code for cause in mended} - still

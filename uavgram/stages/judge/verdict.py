@@ -272,6 +272,7 @@ def make_reason(message: Message) -> Reason:
         plain=get_plain_sentence(message),
         mend=message.mend,
         instead=message.instead,
+        equals=message.equals,
     )
 
 

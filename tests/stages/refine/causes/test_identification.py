@@ -100,6 +100,7 @@ def test_the_cause_says_that_nothing_tells_which() -> None:
     cause = room._cause(judged("labels", LABELS), judged("tape", TAPE))
     assert cause.message.code == "labels"
     assert " Or, just as likely: The tape is wrong." in cause.message.text
+    assert cause.message.equals == ("The tape is wrong.",)
     assert cause.mend is None  # it would be a guess
     assert room._cause(judged("labels", LABELS), None).mend is LABELS
     assert "just as likely" not in room._cause(judged("labels", LABELS), None).message.text

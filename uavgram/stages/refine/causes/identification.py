@@ -414,9 +414,11 @@ def _mention_swap(message: Message, written: Survey, swapped: SurveyCorrection) 
 
 def _mention_rival(message: Message, rival: Message) -> Message:
     """Mention another cause that is about as likely."""
-    sentence = f"{JUST_AS_LIKELY} {rival.split_text(': ')[0]}."
+    other = f"{rival.split_text(': ')[0]}."
     return replace(
-        _add_alternative(message, sentence), mentions=(*message.mentions, *rival.names())
+        _add_alternative(message, f"{JUST_AS_LIKELY} {other}"),
+        mentions=(*message.mentions, *rival.names()),
+        equals=(*message.equals, other),
     )
 
 
