@@ -159,8 +159,8 @@ def test_a_length_in_feet(site: Site) -> None:
 def test_a_reading_that_is_off_by_a_decimetre(site: Site) -> None:
     expect(site.page.get_by_role("table", name="Known lengths")).to_contain_text(
         re.compile(
-            r"a tape read wrong by less than \d\.\d cm would not show; it would move "
-            r".* by 0\.\d\d m"
+            r"a tape misread by less than \d\.\d cm would not be noticed; it would make "
+            r".* wrong by up to 0\.\d\d m"
         )
     )
     site.tell(site.length("L2", site.reading("L2") + 0.1))

@@ -30,6 +30,7 @@ from uavgram.views.terminal import measurement_table
 from uavgram.views.units import (
     convert_sentence,
     format_feet_inches,
+    format_length,
     format_quantity,
     format_reading,
     format_sigma,
@@ -239,6 +240,15 @@ def test_the_report_is_in_feet_and_inches(result: Result) -> None:
     assert "[ft]" in text
     assert " in ± " in text
     assert " mph" in text
+
+
+def test_known_lengths_are_read_as_on_the_tape(result: Result) -> None:
+    page = html.unescape(re.sub(r"<[^>]*>", " ", render_report(result)))
+    taped = format_length(float(result.lines.length_m[0]), IMPERIAL, 3)
+
+    assert " ft " in taped
+    assert f"{taped} ± " in page
+    assert not re.search(r"(taped|found|difference) \[ft\]", page)
 
 
 def test_ten_centimetres_of_relief_are_not_taken_for_a_length_of_the_survey(

@@ -37,7 +37,7 @@ from uavgram.views.survey.reliability import (
 )
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.tables import Cell, Row, Table, draw_gauge, make_table
-from uavgram.views.units import format_sigma, table_unit, units_of
+from uavgram.views.units import format_length, format_sigma, table_unit, units_of
 
 Place = Literal["terminal", "first page", "report", "annex", "recording"]
 TableName = Literal["measured", "lengths", "points"]
@@ -118,11 +118,18 @@ class Source:
         return number(table_unit(self.units).factor * float(value_m), decimals, signed=signed)
 
     def found_length(self, row: int) -> str:
-        """Return a known length as adjusted, in the unit of the titles."""
+        """Return a known length as adjusted, as tapes are read."""
         lines = self.result.lines
         if not np.isfinite(lines.adjusted_m[row]):
             return "–"
-        return self.length_with_sigma(lines.adjusted_m[row], lines.adjusted_sigma_m[row])
+        return self.like_tape(lines.adjusted_m[row], lines.adjusted_sigma_m[row])
+
+    def like_tape(self, value_m: float, sigma_m: float, *, signed: bool = False) -> str:
+        """Return a length and its sigma as tapes are read: in feet and inches, these with units."""
+        if self.units.length != "ft-in":
+            return self.length_with_sigma(value_m, sigma_m, signed=signed)
+        words = format_length(float(value_m), self.units, 3, signed=signed)
+        return f"{words} ± {format_sigma(float(sigma_m), 'm', self.units)}"
 
     def length_with_sigma(self, value_m: float, sigma_m: float, *, signed: bool = False) -> str:
         """Return a length and its sigma in the unit of the titles.
@@ -275,7 +282,14 @@ def _ends(source: Source, row: int) -> str:
 
 def _taped(source: Source, row: int) -> str:
     lines = source.result.lines
-    return source.length_with_sigma(lines.length_m[row], lines.sigma_m[row])
+    return source.like_tape(lines.length_m[row], lines.sigma_m[row])
+
+
+def _difference(source: Source, row: int) -> str:
+    residual_m = float(source.result.lines.residual_m[row])
+    if source.units.length == "ft-in" and np.isfinite(residual_m):
+        return format_length(residual_m, source.units, 3, signed=True)
+    return source.length(residual_m, signed=True)
 
 
 def _w(source: Source, row: int) -> Cell:
@@ -307,13 +321,9 @@ LENGTHS = (
     ),
     TableColumn("length", lambda source, row: source.result.lines.name[row], ("recording",)),
     TableColumn("ends", _ends, ("recording",)),
-    TableColumn(">taped [m]", _taped, _LENGTH_PLACES),
-    TableColumn(">found [m]", Source.found_length, _LENGTH_PLACES),
-    TableColumn(
-        ">difference [m]",
-        lambda source, row: source.length(source.result.lines.residual_m[row], signed=True),
-        _LENGTH_PLACES,
-    ),
+    TableColumn(">taped [tape]", _taped, _LENGTH_PLACES),
+    TableColumn(">found [tape]", Source.found_length, _LENGTH_PLACES),
+    TableColumn(">difference [tape]", _difference, _LENGTH_PLACES),
     TableColumn(">w", _w, FULL),
     TableColumn("status", _line_status, ("recording",)),
     TableColumn(

@@ -116,13 +116,15 @@ def make_table(titles: str, rows: Iterable[Row | Cells], units: Units = METRIC) 
     ----------
     titles
         Titles separated by bars, such as ``photo | >height [m]``: a column of numbers begins with
-        ``>``, one of main values with ``*``; ``[m]`` becomes the unit of lengths.
+        ``>``, one of main values with ``*``; ``[m]`` becomes the unit of lengths, and ``[tape]``,
+        too, unless cells in feet and inches name it.
     rows
         Rows, or their cells.
     units
         Units of the project.
     """
-    named = titles.replace("[m]", f"[{table_unit(units).symbol}]")
+    taped = "" if units.length == "ft-in" else " [m]"
+    named = titles.replace(" [tape]", taped).replace("[m]", f"[{table_unit(units).symbol}]")
     marked = named.split(" | ") if named else []
     looks = ["value" * title.startswith("*") for title in marked]
     made = [row if isinstance(row, Row) else Row(row) for row in rows]

@@ -475,7 +475,7 @@ def test_a_length_says_from_what_error_on_it_would_tell(clean: Result) -> None:
     seen = encode_length_statuses(clean)[0]
 
     assert seen["status"] == "ok"
-    assert seen["shows"].startswith("a tape read wrong by less than 5.0 cm would not show")
+    assert seen["shows"].startswith("a tape misread by less than 5.0 cm would not be noticed")
     assert describe_undetectable(clean) == ""
 
 
@@ -489,11 +489,13 @@ def test_a_length_in_which_a_decimetre_would_not_show_is_not_trusted(
 
     assert first["status"] == "not-checked"
     assert ("0.21 m" in first["shows"] or "21.0 cm" in first["shows"]) == np.isfinite(mdb_m)
-    hidden = "would be noticed only if it is larger than 0.21 m. "
+    assert first["words"] == ("roughly checked" if np.isfinite(mdb_m) else "not checked")
+    name = clean.lines.name[0]
+    hidden = f"a tape misread by less than 0.21 m at {name} would not. "
     if not np.isfinite(mdb_m):
         hidden = "; a measurement that depends on it is shown as not checked."
     assert hidden in describe_undetectable(made)
-    assert clean.lines.name[0] in describe_undetectable(made)
+    assert name in describe_undetectable(made)
 
 
 def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:

@@ -24,13 +24,14 @@ from uavgram.model.result.tables import MeasurementResults, PickResults
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.ways_on_page import find_set_up
 from uavgram.stages.judge.verdict import make_reason
-from uavgram.views.formatting import UNIT_WORDS, size_text
-from uavgram.views.formatting import number as format_number
+from uavgram.views.formatting import size_text
 from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.survey.verdict import (
-    READING_ERROR_M,
     STATUS_WORDS,
+    CheckedReadings,
+    classify_readings,
     describe_height,
+    describe_shift,
     describe_undetectable,
     list_named_picks,
     summarise_result,
@@ -336,13 +337,14 @@ def encode_point_statuses(result: Result) -> dict[str, m.Trust]:
 
 def encode_length_statuses(result: Result) -> list[m.LengthTrust]:
     """Return the status of each known length, its reason, and its minimal detectable bias."""
+    readings = classify_readings(result.lines)
     return [
-        {**_length(result, i), "shows": shows}
+        {**_length(result, i, readings), "shows": shows}
         for i, shows in enumerate(_describe_detectable(result))
     ]
 
 
-def _length(result: Result, i: int) -> m.Trust:
+def _length(result: Result, i: int, readings: CheckedReadings) -> m.Trust:
     lines = result.lines
     own: tuple[MeasurementStatus, str] = ("ok", "")
     if lines.status[i] == "removed":
@@ -351,10 +353,12 @@ def _length(result: Result, i: int) -> m.Trust:
         own = ("doubtful", "It does not fit the others: read the tape again.")
     elif lines.status[i] == "unseen":
         own = ("not-checked", UNDETECTABLE_LENGTH)
-    elif lines.status[i] == "used" and not lines.mdb_m[i] <= READING_ERROR_M:
+    elif any(mask[i] for mask in readings):
         own = ("not-checked", "A mistake of 0.10 m in reading the tape would not be noticed.")
     reasons = (r for r in result.verdict.reasons if lines.name[i] in r.lengths)
-    return _worse_status(result.verdict, own, reasons)
+    found = _worse_status(result.verdict, own, reasons)
+    is_rough = readings.roughly[i] and found["status"] == "not-checked"
+    return {**found, "words": "roughly checked"} if is_rough else found
 
 
 def encode_photo_statuses(result: Result) -> list[m.Trust]:
@@ -431,26 +435,18 @@ def _worse_status(
 
 def _describe_detectable(result: Result) -> list[str]:
     """Return the minimal detectable bias of each used length in words, with its effect."""
-    lines, evidence, unit_of = result.lines, result.evidence, _units(result)
-    found = []
+    lines, found = result.lines, []
     for i, status in enumerate(lines.status):
         words = ""
         if status in ("used", "suspect"):
             words = "nothing checks it: however wrong the tape was read, it would not show"
             if math.isfinite(lines.mdb_m[i]):
                 size = size_text(float(lines.mdb_m[i]))
-                words = f"a tape read wrong by less than {size} would not show"
-                on = "" if evidence is None else evidence.lines.on[i]
-                if evidence is not None and on:
-                    by = format_number(abs(float(evidence.lines.change[i])), 2)
-                    words += f"; it would move {on} by {by} {unit_of[on]}"
+                words = f"a tape misread by less than {size} would not be noticed"
+                if moved := describe_shift(result, i):
+                    words += f"; it would make {moved}"
         found.append(words)
     return found
-
-
-def _units(result: Result) -> dict[str, str]:
-    rows = result.measurements
-    return {n: UNIT_WORDS.get(unit, unit) for n, unit in zip(rows.name, rows.unit, strict=True)}
 
 
 def describe_unchecked(rows: MeasurementResults, links: WeakestLinks | None) -> list[str]:

@@ -16,6 +16,7 @@ from uavgram.views.report.pictures import GROUND, picture_mark
 from uavgram.views.survey.fit import checks_summary
 from uavgram.views.survey.key_facts import accuracy_words, note_automatic_values
 from uavgram.views.survey.top_view import TopView, fit_layout, mark_used_points, top_view
+from uavgram.views.survey.verdict import describe_undetectable
 
 
 def ground_extent(result: Result) -> tuple[Floats, Floats] | None:
@@ -133,6 +134,8 @@ def _limits(result: Result) -> list[str]:
     sentences = [
         f"{words}: {_listed_or_all(names, rows.name)}." for words, names in several.items() if names
     ]
+    if unnoticed := describe_undetectable(result):
+        sentences.append(unnoticed)
     checks = checks_summary(result)
     if checks is None:
         agree = "The observations check one another by their agreement. "

@@ -53,7 +53,7 @@ from uavgram.views.survey.reliability import (
     weakest_table,
 )
 from uavgram.views.survey.top_view import count_unnamed, key_plan, top_view
-from uavgram.views.survey.verdict import describe_undetectable, verdict_words
+from uavgram.views.survey.verdict import verdict_words
 from uavgram.views.tables import Cell, Row, Table, make_table
 from uavgram.views.units import units_of
 
@@ -472,7 +472,6 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         foundations=list_foundations(result),
         files_shown=select_files(result),
         used_lengths=unwithheld,
-        undetectable=describe_undetectable(result),
         most_lengths=MAX_LENGTHS,
         most_warnings=MAX_WARNINGS,
         measured=formatting.order_shapes_first(result.measurements),

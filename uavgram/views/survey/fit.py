@@ -68,15 +68,15 @@ def withheld_lengths(result: Result) -> Table:
         i, z = row_of[name], float(checks.z[k])
         cells = (
             Cell(name, below=f"{lines.start[i]} – {lines.end[i]}"),
-            source.length_with_sigma(lines.length_m[i], lines.sigma_m[i]),
+            source.like_tape(lines.length_m[i], lines.sigma_m[i]),
             source.found_length(i),
-            source.length_with_sigma(checks.error_m[k], checks.sigma_m[k], signed=True),
+            source.like_tape(checks.error_m[k], checks.sigma_m[k], signed=True),
             Cell(number(z, 1, signed=True), gauge=draw_gauge(z, THREE_SIGMA)),
             _within(abs(z)),
         )
         rows.append(Row(cells, abs(z) > THREE_SIGMA))
     return make_table(
-        "withheld length | >taped [m] | >found [m] | *error and its uncertainty [m] | "
+        "withheld length | >taped [tape] | >found [tape] | *error and its uncertainty [tape] | "
         ">error over its uncertainty | within three times",
         rows,
         source.units,

@@ -14,7 +14,7 @@ from uavgram.model.naming import FOOT_M, Units, format_count, join_names
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineResults, MeasurementResults
-from uavgram.views.formatting import NOT_COMPUTED, format_with_sigma
+from uavgram.views.formatting import NOT_COMPUTED, UNIT_WORDS, format_with_sigma, number
 
 # The usual limit in surveying for a check.
 THREE_SIGMA = 3.0
@@ -156,19 +156,45 @@ def describe_height(result: Result, units: Units) -> str:
     return f"Cameras about {words} above the ground: is that right?"
 
 
+class CheckedReadings(NamedTuple):
+    """Used lengths of which not every misread decimetre would be noticed, as masks (L,).
+
+    Attributes
+    ----------
+    roughly
+        Only a larger mistake would be noticed.
+    never
+        No mistake would.
+    """
+
+    roughly: Bools
+    never: Bools
+
+
+def classify_readings(lines: LineResults) -> CheckedReadings:
+    """Find the lengths whose readings are checked roughly, or not at all."""
+    weak = (np.array(lines.status, dtype=str) == "used") & ~(lines.mdb_m <= READING_ERROR_M)
+    is_bounded = lines.mdb_m < lines.length_m
+    return CheckedReadings(weak & is_bounded, weak & ~is_bounded)
+
+
 def describe_undetectable(result: Result) -> str:
-    """Return sentences on lengths in which a misread tape would not show; empty without one."""
-    lines = result.lines
-    used = np.array(lines.status, dtype=str) == "used"
-    weak = used & ~(lines.mdb_m <= READING_ERROR_M)
-    bounded = weak & (lines.mdb_m < lines.length_m)
+    """Return sentences on misread tapes that would go unnoticed; empty where every one shows."""
+    lines, (roughly, hidden) = result.lines, classify_readings(result.lines)
     sentences = []
-    if bounded.any():
+    if roughly.any():
+        sigmas = np.zeros(len(roughly))
+        if result.evidence is not None:
+            sigmas = np.nan_to_num(result.evidence.lines.sigmas)
+        first, *_ = order = sorted(np.flatnonzero(roughly).tolist(), key=lambda i: -sigmas[i])
+        sizes = [f"{lines.mdb_m[i]:.2f} m at {lines.name[i]}" for i in order]
         sentences.append(
-            f"A mistake in reading the tape at {_name_lengths(lines, bounded)} would be noticed "
-            f"only if it is larger than {lines.mdb_m[bounded].max():.2f} m."
+            "Only large mistakes would be noticed: a tape misread by less than "
+            f"{join_names(sizes, MAX_NAMED, link='or')} would not."
         )
-    if (hidden := weak & ~bounded).any():
+        if moved := describe_shift(result, first):
+            sentences.append(f"At {lines.name[first]} that would make {moved}.")
+    if hidden.any():
         sentences.append(
             f"Nothing checks how the tape was read at {_name_lengths(lines, hidden)}; a "
             "measurement that depends on it is shown as not checked."
@@ -176,6 +202,17 @@ def describe_undetectable(result: Result) -> str:
     return (
         " ".join([*sentences, "To check more, tape one more length nearby."]) if sentences else ""
     )
+
+
+def describe_shift(result: Result, line: int) -> str:
+    """Describe what the largest unnoticed mistake in a length does: ``D1 wrong by up to 0.3 m``."""
+    evidence, rows = result.evidence, result.measurements
+    if evidence is None or not evidence.lines.on[line]:
+        return ""
+    name = evidence.lines.on[line]
+    unit = rows.unit[rows.name.index(name)]
+    change = number(abs(float(evidence.lines.change[line])), 2)
+    return f"{name} wrong by up to {change} {UNIT_WORDS.get(unit, unit)}"
 
 
 def _name_lengths(lines: LineResults, chosen: Bools) -> str:
