@@ -185,7 +185,7 @@ def test_what_was_set_outlives_a_reload_and_another_tab_closes_nothing_unasked(
     other.get_by_role("button", name="Open other").click()
     expect(other.locator("#trouble")).to_contain_text("flight is open already")
     expect(page.locator("#project")).to_contain_text("flight")
-    other.get_by_role("button", name="Close flight and open this one").click()
+    other.get_by_role("button", name="Close flight and open other").click()
     expect(other.locator("#project")).to_have_text("small")  # its name
     expect(page.locator("#notice")).to_contain_text("flight was saved and closed, as small was")
     other.close()

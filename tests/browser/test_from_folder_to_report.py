@@ -310,6 +310,9 @@ def test_two_projects_one_after_another_without_a_file_or_a_terminal(
         page.get_by_role("radio", name="As recorded").check()
         expect(remark).to_be_empty()
         does.press(page.get_by_role("button", name="Begin"))
+        steps = page.locator(".steps li b")
+        expect(steps.first).to_have_text("Enter a length that was taped")
+        expect(steps).to_have_count(4)
         missed = survey(page, does, beach(), server)
         result = check_report(page, home.joinpath(*CASES, BEACH))
         assert told("DJI photos", does) <= MOST

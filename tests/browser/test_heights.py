@@ -68,7 +68,7 @@ def test_one_key_frees_a_height_and_the_page_tells_it_or_why_not(
     expect(height.get_by_role("radio", name="Free")).to_be_checked()
     page.get_by_label("Height over ground").fill("0.1")
     page.keyboard.press("Enter")
-    page.get_by_label("Sigma of the height").fill("0.02")
+    page.get_by_label("Uncertainty of the height").fill("0.02")
     page.keyboard.press("Enter")
     expect(height.get_by_role("radio", name="As stated")).to_be_checked()
     eventually(

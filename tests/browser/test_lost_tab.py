@@ -96,7 +96,7 @@ def test_a_second_start_opens_the_running_page_with_what_is_asked_for(
     # Another project while the first is shown in a tab: nothing is closed unasked.
     asked = desk.lead(other)
     expect(asked.locator("#trouble")).to_contain_text("first is open already")
-    asked.get_by_role("button", name="Go to it").click()
+    asked.get_by_role("button", name="Go to first").click()
     asked.wait_for_selector(SHARP)
     asked.close()
     page.close()

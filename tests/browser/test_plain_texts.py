@@ -14,13 +14,16 @@ from picking_server import served
 from playwright.sync_api import Page, expect
 
 JARGON = re.compile(
-    r"residuals ×|worst w\b|\bw -?\d|seed σ|\bseed(ed)?\b|to first order|cannot be inverted|σ \d"
+    r"residuals ×|worst w\b|\bw -?\d|\bseed(ed)?\b|to first order|cannot be inverted|[σΣ]"
+    r"|[Ss]igma|\badjust"
     r"|Interior orientation|\b[Ff]rames?\b|[Bb]rown lens|without feedback|\b[Uu]?n?matched\b",
 )
 NOTHING = re.compile(
     r"\b(null|undefined|NaN)\b|[–-] ?(mm?|s|px|°|in|ft|UTC)\b|[–-] ± [–-]|±\s*($|[a-z°])"
 )
-TERMS = re.compile(r"σ|misfit|Sigma|Friction|principal point|distortion|folds back|lens$")
+TERMS = re.compile(
+    r"±|misfit|Good to|Uncertainty|Friction|principal point|distortion|folds back|lens$"
+)
 TEXTS = """() => {
   const seen = element => element.checkVisibility();
   const own = element => [...element.childNodes].filter(n => n.nodeType === 3).map(n => n.data);
@@ -72,7 +75,7 @@ def test_an_adjusted_survey_is_told_in_plain_words(
     with served(folder / "project.yaml") as server:
         page = open_page(server, width, 900)
         wait_until_adjusted(page)
-        expect(page.locator(".readout").first).to_contain_text("misfits drawn")
+        expect(page.locator(".readout").first).to_contain_text("how far marks are off")
         look_everywhere(page)
         page.get_by_role("table", name="Points").locator('[name="select"]').first.click()
         page.get_by_role("table", name="Known lengths").locator('[name="change"]').first.click()

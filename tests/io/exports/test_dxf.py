@@ -506,6 +506,25 @@ def test_a_text_is_beside_its_short_line_or_lines_lead_to_it(seed: int, tmp_path
     assert texts_without_a_line(document) == {}
 
 
+def test_strokes_show_where_a_length_ends_though_its_line_goes_on_to_the_text(
+    tmp_path: Path,
+) -> None:
+    survey = short_lines(np.random.default_rng(0), 30)
+    write_dxf(survey, tmp_path / "short.dxf", LOOKS)
+    dimensions = readfile(tmp_path / "short.dxf").modelspace().query("DIMENSION")
+
+    longer = 0
+    for dimension in dimensions:
+        parts = list(dimension.virtual_entities())  # type: ignore[attr-defined]
+        first, last = (one for one in parts if isinstance(one, Line))
+        middles = [one.dxf.start.lerp(one.dxf.end) for one in (first, last)]
+        length = dimension.dxf.actual_measurement
+        assert middles[0].distance(middles[1]) == pytest.approx(length, abs=1e-6)
+        drawn = np.linalg.norm(np.diff(segments(parts), axis=1), axis=2)
+        longer += bool(drawn.max() > 1.2 * length)
+    assert longer  # of some, the line goes on
+
+
 def test_a_net_of_lengths_between_all_points_keeps_its_texts(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     place = np.column_stack([rng.uniform(size=(14, 2)) * [90.0, 25.0], np.zeros(14)])

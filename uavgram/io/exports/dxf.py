@@ -144,6 +144,7 @@ _DOUBT_MARK = " ?"
 _SHORT_M = 1e-6  # a shorter length in plan has no direction
 _STYLE = "UAVGRAM"
 _GAP = 0.3  # around the text of a dimension, in letter heights
+_TICK = 0.5  # half a stroke at an end of a dimension line, along and across it, in letter heights
 _ALIGNED_DIMENSION = (
     const.DIM_ALIGNED | const.DIM_BLOCK_EXCLUSIVE | const.DIM_USER_LOCATION_OVERRIDE
 )
@@ -299,6 +300,7 @@ def _text_height(features: Features) -> float:
 def _dimension_style(document: Drawing, text_m: float) -> None:
     style = document.dimstyles.duplicate_entry("Standard", _STYLE)
     sizes = {"dimtxt": 1.0, "dimasz": 0.0, "dimexe": 0.0, "dimexo": 0.0, "dimgap": _GAP}
+    sizes["dimtsz"] = _TICK
     for name, share in sizes.items():
         style.set_dxf_attrib(name, share * text_m)
         # for programs that draw all dimensions with the header's style (LibreCAD 2.2)
@@ -418,7 +420,8 @@ def _draw_dimensions(sheet: Sheet, texts: list[Text], middle: Floats, half: Floa
     """Draw dimensions in plan at mean height; their lines lead to texts that are farther out.
 
     Each has one polyline: from one point to the dimension line, along it and as far as its text,
-    and to the other point.
+    and to the other point. Strokes across the line show where the length begins and ends, as the
+    line may go on to its text.
 
     Parameters
     ----------
@@ -449,12 +452,17 @@ def _draw_dimensions(sheet: Sheet, texts: list[Text], middle: Floats, half: Floa
     u, v = [zero, zero, far, length, length], [zero, out, out, out, zero]
     path = start + np.stack(u)[..., None] * along + np.stack(v)[..., None] * across
     path = path.swapaxes(0, 1)
+    stroke = _TICK * sheet.text_m * (along + across)
+    corners = [path[:, 1], path[:, -2]]
+    ticks = np.stack([np.stack([one - stroke, one + stroke], axis=1) for one in corners], axis=1)
     degrees = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
     for k, text in enumerate(texts):
         on = sheet.on(text.layer)
         place, words = (*middle[k, :2].tolist(), up[k]), escape_mtext(text.words)
         block = sheet.document.blocks.new_anonymous_block(type_char="D")
         block.add_lwpolyline(path[k].tolist(), dxfattribs={**on, "elevation": up[k]})
+        for first, last in ticks[k]:
+            block.add_line((*first, up[k]), (*last, up[k]), dxfattribs=on)
         letters = {"char_height": sheet.text_m, "rotation": degrees[k], "insert": place}
         middle_center = const.MTEXT_MIDDLE_CENTER
         block.add_mtext(words, {**on, **letters, "attachment_point": middle_center})

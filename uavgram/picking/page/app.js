@@ -186,6 +186,7 @@ class App {
   // Shows what this tab showed before its page was loaded again.
   resume() {
     const { pictures, panes, tab = this.state.tab, first = "pick", tool = store.lines.length ? "pick" : first } = kept();
+    this.state.first = first;
     const isSame = pictures === this.pictures; // else other photos have these numbers
     this.setPanes(isSame && panes ? panes.views.length : 1);
     if (isSame && panes) this.panes.resume(panes);

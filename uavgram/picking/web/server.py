@@ -399,7 +399,7 @@ class ProjectHost:
                 if self.pick is not None and self.pick.path != meant:
                     name = self.pick.path.parent.name
                     if self.pick.is_in_use and not closes:
-                        return PageJSON({"why": OPEN_ALREADY.format(name), "open": name}, CANNOT)
+                        return PageJSON(_already(name, meant.parent.name), CANNOT)
                     if fault := self.pick.save_or_explain():
                         raise RefusedError(f"{name} stays open: {fault}")
                 project = await to_thread.run_sync(self.door.begin, body)
@@ -424,6 +424,10 @@ class ProjectHost:
                     return _refuse(RefusedError(f"The project stays open: {fault}"))
                 await self._close()
         return PageJSON({})
+
+
+def _already(name: str, wanted: str) -> dict[str, str]:
+    return {"why": OPEN_ALREADY.format(name), "open": name, "wanted": wanted}
 
 
 async def _answer(find: Callable[..., Mapping[str, object]], *arguments: str) -> Response:

@@ -28,7 +28,7 @@ const MARKS = [
 
 /** @type {[string, string][]} */
 const WORDS = [
-  ["\u00b1, \u03c3", SIGMA],
+  ["(\u00b1)", SIGMA],
   ["misfit", MISFIT],
   ["\u25cb not checked", "nothing would show an error in it. Rest the pointer there: what an error would do"],
   ["? doubtful, \u2260 contradicted", "grey or struck: something that it rests on does not fit, or contradicts it: do not use it before that is cleared up"],

@@ -24,6 +24,8 @@ export class PageState {
     /** @type {string | null} */
     this.selected = null; // label
     /** @type {ToolName} */
+    this.first = "pick"; // the tool with which the project begins
+    /** @type {ToolName} */
     this.tool = "pick";
     /** @type {string[]} */
     this.draft = []; // labels of the length or measurement that is being drawn

@@ -108,7 +108,7 @@ class Door {
         if (fault instanceof OpenElsewhere) this.trouble(fault.message, [["Go to it", () => { location.replace(fault.there); }]]);
         else if (!(fault instanceof OpenAlready || "setup" in wanted)) this.trouble(`This project cannot be opened. ${fault instanceof Error ? fault.message : ""}`, [["Read it again", () => void this.open(wanted)]]);
         else if (!(fault instanceof OpenAlready)) throw fault;
-        else this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, { closes: true, hasLengths })]]);
+        else this.trouble(fault.message, [[`Go to ${fault.open}`, goOn], [`Close ${fault.open} and open ${fault.wanted}`, () => void this.open(wanted, { closes: true, hasLengths })]]);
         return;
       }
       forget();

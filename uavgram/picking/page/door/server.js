@@ -2,13 +2,14 @@
 
 import { keyed, leaveIfRefused } from "../connection/key.js";
 
-/** Another project is open; holds its name. */
+/** Another project is open; holds its name, and that of the folder to be opened. */
 export class OpenAlready extends Error {
-  /** @param {string} why @param {string} name */
-  constructor(why, name) {
+  /** @param {string} why @param {string} open @param {string} wanted */
+  constructor(why, open, wanted) {
     super(why);
     this.name = "OpenAlready";
-    this.open = name;
+    this.open = open;
+    this.wanted = wanted;
   }
 }
 
@@ -50,10 +51,10 @@ async function answered(asked) {
   /** @type {unknown} */
   const said = await answer.json().catch(() => ({}));
   if (!answer.ok) {
-    const { why = "The program failed; its window says where.", open, there, field } = /** @type {{ why?: string, open?: string, there?: string, field?: string }} */ (said);
+    const { why = "The program failed; its window says where.", open, wanted = "", there, field } = /** @type {{ why?: string, open?: string, wanted?: string, there?: string, field?: string }} */ (said);
     if (field) throw new WrongField(why, field);
     if (there !== undefined) throw new OpenElsewhere(why, there);
-    throw open === undefined ? new Error(why) : new OpenAlready(why, open);
+    throw open === undefined ? new Error(why) : new OpenAlready(why, open, wanted);
   }
   return /** @type {T} */ (said);
 }

@@ -8,7 +8,7 @@ export const MISFIT = "how far it is off, in its own standard deviations; what i
 const BENDS = "how the lens bends straight lines, the more the farther from the middle";
 /** By the first word of the term. @type {Record<string, string | undefined>} */
 const TERMS = {
-  Sigma: SIGMA, Likely: SIGMA, Friction: "how well the tyres hold on this road, such as 0.7 on dry asphalt",
+  Good: SIGMA, Uncertainty: SIGMA, Likely: SIGMA, Friction: "how well the tyres hold on this road, such as 0.7 on dry asphalt",
   fx: "focal length across the photo", fy: "focal length down the photo", cx: "where the lens looks straight ahead: from the left", cy: "where the lens looks straight ahead: from the top",
   k1: BENDS, k2: BENDS, k3: BENDS, k4: BENDS, p1: "how the lens is tilted against the sensor", p2: "how the lens is tilted against the sensor",
   principal: "where the lens looks straight ahead", distortion: BENDS, folds: "from where on the formula of the lens no longer holds",

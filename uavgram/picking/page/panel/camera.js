@@ -30,7 +30,7 @@ function knownPart(camera, project) {
       titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, `, about(`${LENSES[camera.model] ?? camera.model} lens`, meaning(camera.model) ?? ""), camera.file && ` (${camera.file})`),
         ...camera.source.map((line) => node("p", { class: "dim" }, line)),
         node("p", {}, node("button", { name: "setup", onclick: () => void project.leave("setup") }, "Change camera, mount, tape or case")),
-        table("What the lens does", ["parameter", "value", about("\u03c3", SIGMA), about("\u03c3/value", "\u03c3 as a share of the value")], rows)),
+        table("What the lens does", ["parameter", "value", about("(\u00b1)", SIGMA), about("(\u00b1), share", "the uncertainty as a share of the value")], rows)),
       titled("What that means", node("dl", { class: "facts" }, ...camera.facts.flatMap((line) => {
         const [, name, words] = /^(.*?) {2,}(.*)$/.exec(line) ?? ["", "", line];
         return [node("dt", { title: meaning(name) }, name), node("dd", {}, words)];

@@ -41,11 +41,11 @@ function entryForm(entry, tools) {
   const name = field("name", "Name", entry.name, { maxlength: 200 });
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
-    lengthField(field, "length_m", "Length", entry.length_m, "length", { placeholder: "none: computed" }), lengthField(field, "sigma_m", "Sigma", entry.sigma_m, "small"), name,
+    lengthField(field, "length_m", "Length", entry.length_m, "length", { placeholder: "none: computed" }), lengthField(field, "sigma_m", "Good to \u00b1", entry.sigma_m, "small"), name,
     node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "to compute"),
       node("option", { value: "check", selected: entry.adjust === false }, "only to check"))),
   ] : [name, ...(entry.kind === "skid_speed" ? [
-    field("mu", "Friction \u03bc", entry.parameters?.mu ?? "0.7", number), field("mu_sigma", "Sigma of \u03bc", entry.parameters?.mu_sigma ?? "0.05", number),
+    field("mu", "Friction \u03bc", entry.parameters?.mu ?? "0.7", number), field("mu_sigma", "Uncertainty of \u03bc", entry.parameters?.mu_sigma ?? "0.05", number),
   ] : entry.kind === "volume" ? volumeFields(entry, field) : entry.kind === "speed" ? [node("div", { class: "both needs", role: "status", "aria-label": "What a speed needs" })] : [])];
   const what = entry.t === "line" ? `length ${entry.start} to ${entry.end}` : entry.name;
   return node("form", {
@@ -209,5 +209,5 @@ const EXAMPLES = { ft: "in feet, such as 13.2 or 13 ft 2 1/2 in, or with its uni
 const NUMBERS = {
   line: [{ field: "length_m", caption: "Length", example: "in metres, such as 11.52", sort: "length" }, { field: "sigma_m", caption: "Sigma", example: "in metres, such as 0.01", sort: "small" }],
   level: [{ field: "level", caption: "Level", example: "in metres, such as 1.5", any: true, sort: "length" }],
-  skid_speed: [{ field: "mu", caption: "Friction", example: "such as 0.7" }, { field: "mu_sigma", caption: "Sigma of the friction", example: "such as 0.05", zero: true }],
+  skid_speed: [{ field: "mu", caption: "Friction", example: "such as 0.7" }, { field: "mu_sigma", caption: "Uncertainty of the friction", example: "such as 0.05", zero: true }],
 };

@@ -14,7 +14,7 @@ const box = node("details", { class: "steps", open: true, "aria-label": "First s
 
 /** @param {PageState} state */
 export function firstStepsPart(state) {
-  const steps = stepsOf();
+  const steps = stepsOf(state.first === "length");
   const done = steps.filter((step) => step.done).length;
   if (!store.begun || (done === steps.length && !state.showsSteps)) return null;
   fillIfNew(title, `${done} ${steps.length}`, () => [`First steps: ${done} of ${steps.length} done`]);
@@ -31,8 +31,8 @@ export const unfold = () => { box.open = true; };
 const stepItem = ({ words, how, done }, isNext) => node("li", { class: done ? "done" : "" },
   node("span", { class: "unseen" }, done ? "Done: " : ""), node("b", {}, words), isNext ? node("span", { class: "dim" }, how) : null);
 
-/** @returns {Step[]} */
-function stepsOf() {
+/** @param {boolean} isTaped whether the project begins with the lengths that were taped @returns {Step[]} */
+function stepsOf(isTaped) {
   const several = store.photos.length > 1;
   const counts = [...countsOfPicks().values()];
   const twice = counts.filter((count) => count > 1).length;
@@ -47,11 +47,16 @@ function stepsOf() {
       measure,
     ];
   }
+  const tape = {
+    words: isTaped ? "Enter a length that was taped" : "Enter a length that was taped, if you have one", done: store.lines.length >= 1,
+    how: `Tool ${TOOLS.length.name} (L)${isTaped ? ": click both ends, and type what the tape read" : ""}. It makes all values more exact; here the photos' places are known, so it can do without.`,
+  };
   return [
+    ...(isTaped ? [tape] : []),
     { words: "Mark two points", done: counts.length >= 2, how: "Click them in a photo: things on the ground, as near as the zoom allows (wheel)." },
     measure,
     ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Accept what the program found: that makes the values more exact, but checks no click. A wrong click shows only beside another click of yours: Click again, above the numbers, asks for the few points that need one; or click them in the next photo (Page Down), within the dashed line." }] : []),
-    { words: "Enter a length that was taped, if you have one", done: store.lines.length >= 1, how: `Tool ${TOOLS.length.name} (L). It makes all values more exact; here the photos' places are known, so it can do without.` },
+    ...(isTaped ? [] : [tape]),
   ];
 }
 

@@ -29,7 +29,7 @@ function clockPart(now) {
   const offset = ({ text }) => text || "not known";
   const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": each photo is found in it by its time";
   return titled("Clock", node("p", {}, `Log: ${clock.log}${events}.`),
-    node("p", {}, `Camera clock minus UTC: ${offset(clock)} before the adjustment`, now?.clock ? `, ${offset(now.clock)} after it.` : "."));
+    node("p", {}, `Camera clock minus UTC: ${offset(clock)} from the flight alone`, now?.clock ? `, ${offset(now.clock)} with all marks and lengths.` : "."));
 }
 
 /** Words about a value; empty if it is unknown. @param {string} before @param {string} value @param {string} after */
@@ -59,8 +59,8 @@ function framesPart(facts, show, project) {
       cell({}, facts.length > 1 ? signButton("remove", `Leave ${photo.name} out`, "\u00d7", () => void project.leaveOut([photo.name], false)) : null));
   });
   const matched = hasFlight() ? ` (${facts.filter(({ photo }) => photo.matched).length} of ${facts.length} placed in the flight)` : "";
-  return titled(`Photos${matched}`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now. Distances on the ground may be known far better.`),
-    table("Photos", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC"), ""], rows));
+  return titled(`Photos${matched}`, node("p", { class: "dim" }, `How well the camera's place is known (\u00b1), in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now. Distances on the ground may be known far better.`),
+    table("Photos", ["photo", "picks", "status", about("flight", "uncertainty before any pick, from the flight log or the given poses"), about("now", "uncertainty with all picks and lengths"), node("span", { class: "wide-only" }, "UTC"), ""], rows));
 }
 
 /** @param {ProjectActions} project */

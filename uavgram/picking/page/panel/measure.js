@@ -84,7 +84,7 @@ function pointsTable(facts, selected, tools) {
       cell({ class: "named", title: label }, standingSign(trust), linkButton("select", label, () => tools.select(label), { "aria-pressed": chosen }), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
       count, cell(), cell());
   });
-  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit()}`, `of the distances to the points next to it; ${SIGMA}`), about("misfit", `of its worst mark: ${MISFIT}`)], rows));
+  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`(\u00b1) ${smallUnit()}`, `of the distances to the points next to it; ${SIGMA}`), about("misfit", `of its worst mark: ${MISFIT}`)], rows));
 }
 
 /** @param {Tools} tools */
@@ -92,7 +92,7 @@ function lengthsPart(tools) {
   if (!store.lines.length) return null;
   const now = adjusted();
   const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
-    table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("misfit", MISFIT), ""], store.lines.flatMap((line) => [lengthRow(line, tools), beneath(6, "value")]))));
+    table("Known lengths", ["name", `taped ${lengthUnit()}`, about("found", "as all marks and lengths together have it"), about("(\u00b1)", SIGMA), about("misfit", MISFIT), ""], store.lines.flatMap((line) => [lengthRow(line, tools), beneath(6, "value")]))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
   const counts = countsOfPicks();
   const lost = store.lines.map(({ start, end }) => [start, end].filter((label) => !counts.has(label)));
@@ -144,7 +144,7 @@ function measurementsPart(tools) {
   if (!store.measurements.length) return null;
   const now = adjusted();
   const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
-    table("Measurements", ["name", about("value \u00b1 \u03c3", SIGMA), "", ""], store.measurements.flatMap((one) => [measurementRow(one, tools), beneath(4, "value")]))));
+    table("Measurements", ["name", about("value (\u00b1)", SIGMA), "", ""], store.measurements.flatMap((one) => [measurementRow(one, tools), beneath(4, "value")]))));
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", worstOf(store.measurements[k])?.status ?? ""); });
   return withValues(part, store.measurements.map((one) => {
     const worst = worstOf(one);
@@ -181,7 +181,7 @@ function valuesOf(measurement, now) {
 
 /** @param {Measured} found */
 function notUnique(found) {
-  return node("span", { class: "bad", title: "Other solutions explain what was observed as well, and give this: value and sigma hold only if the first one is right" }, found.others);
+  return node("span", { class: "bad", title: "Other solutions explain what was observed as well, and give this: value and uncertainty hold only if the first one is right" }, found.others);
 }
 
 /** @param {string} name */

@@ -44,10 +44,10 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
   roving(choices);
   return node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); if (!tools.question.isOpen) tools.panes.active?.focus(); } },
     node("label", { class: "both" }, "Label", node("input", { name: "rename", value: refused ?? label, "aria-invalid": refused ? "true" : null, maxlength: 200, autocomplete: "off", onchange: ({ target }) => renamed(label, as(HTMLInputElement, target), tools) })),
-    pick && field("sigma", "Likely error (sigma), px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
+    pick && field("sigma", "Likely error (\u00b1), px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
     pick?.source ? node("p", { class: "both dim made" }, `${madeBy(pick)}. Move it, and it is yours.`) : null,
     stated,
-    height_m === null ? null : field("height_sigma", `Sigma of the height, ${fieldUnit("small")}`, fieldText(height_sigma_m, "small"), "exact", (sigma) => heights.set(label, height_m, sigma), (text) => parseLength(text, "small")),
+    height_m === null ? null : field("height_sigma", `Uncertainty of the height, ${fieldUnit("small")}`, fieldText(height_sigma_m, "small"), "exact", (sigma) => heights.set(label, height_m, sigma), (text) => parseLength(text, "small")),
     choices, edits, node("div", { class: "both stands", role: "status", "aria-label": "How high it stands" }),
     node("button", { type: "submit", hidden: true }, "Done")); // without it Enter would not submit the form
 }

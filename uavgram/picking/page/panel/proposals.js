@@ -28,7 +28,7 @@ function foundPart({ selected }, image, tools) {
   }
   return keep("found", [all, selected, image, isSearching()], () => titled(`Found by the program (${all.length})`,
     acceptButtons(all.filter(({ is_sure }) => is_sure), selected, tools),
-    table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that the program recognised; unsure: look at the two pictures before you accept it"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), ""],
+    table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that the program recognised; unsure: look at the two pictures before you accept it"), about("(\u00b1) px", "of the place that was found, without what the first pick itself is off"), ""],
       all.slice(0, MOST_SHOWN).flatMap((one) => [foundRow(one, tools), picturesRow(one)])),
     more(all.length)));
 }

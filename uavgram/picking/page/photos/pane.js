@@ -205,7 +205,7 @@ export class Pane {
   showReadout() {
     const [u, v] = this.pointed ?? [];
     const place = u === undefined || v === undefined ? "" : `column ${u.toFixed(1)}, row ${v.toFixed(1)} \u00b7 `;
-    const scale = this.state.shown.residuals && picksIn(this.image).length ? ` \u00b7 pink: misfits drawn ${residualScale(this.image)} times as long` : "";
+    const scale = this.state.shown.residuals && picksIn(this.image).length ? ` \u00b7 pink: how far marks are off, ${residualScale(this.image)} times as long` : "";
     const away = !this.photo || this.contains(...this.view.middle) ? "" : " \u00b7 beside the photo: F shows it";
     this.readout.textContent = `${place}zoom \u00d7${this.view.scale.toPrecision(3)}${scale}${away}`;
   }
