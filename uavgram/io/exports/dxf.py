@@ -148,6 +148,8 @@ _TICK = 0.5  # half a stroke at an end of a dimension line, along and across it,
 _ALIGNED_DIMENSION = (
     const.DIM_ALIGNED | const.DIM_BLOCK_EXCLUSIVE | const.DIM_USER_LOCATION_OVERRIDE
 )
+_DASHED = "UAVGRAM_TO_TEXT"
+_DASH = 0.4  # in letter heights
 _FAR = 1e6  # in letter heights, beyond the extent of any drawing
 _PAPER_M = (0.420, 0.297)  # A3
 _TEXT_SHARE = 1 / 80  # letter height relative to the drawing's extent
@@ -299,6 +301,8 @@ def _text_height(features: Features) -> float:
 
 def _dimension_style(document: Drawing, text_m: float) -> None:
     style = document.dimstyles.duplicate_entry("Standard", _STYLE)
+    dash = _DASH * text_m
+    document.linetypes.add(_DASHED, [2.0 * dash, dash, -dash], description="to a text")
     sizes = {"dimtxt": 1.0, "dimasz": 0.0, "dimexe": 0.0, "dimexo": 0.0, "dimgap": _GAP}
     sizes["dimtsz"] = _TICK
     for name, share in sizes.items():
@@ -419,9 +423,9 @@ def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
 def _draw_dimensions(sheet: Sheet, texts: list[Text], middle: Floats, half: Floats) -> None:
     """Draw dimensions in plan at mean height; their lines lead to texts that are farther out.
 
-    Each has one polyline: from one point to the dimension line, along it and as far as its text,
-    and to the other point. Strokes across the line show where the length begins and ends, as the
-    line may go on to its text.
+    Each has one polyline: from one point to the dimension line, along it, and to the other point.
+    Strokes across the line show where the length begins and ends; a dashed line goes on to a text
+    that is beyond.
 
     Parameters
     ----------
@@ -447,13 +451,13 @@ def _draw_dimensions(sheet: Sheet, texts: list[Text], middle: Floats, half: Floa
     # The dimension line passes between the text and its object, or below a text beyond its ends.
     out = at[:, 1] - np.sign(at[:, 1]) * half[:, 1]
     low, high = at[:, 0] - half[:, 0], at[:, 0] + half[:, 0]
-    far = np.where(low > length, high, np.where(high < 0.0, low, length))
-    zero = np.zeros(len(texts))
-    u, v = [zero, zero, far, length, length], [zero, out, out, out, zero]
-    path = start + np.stack(u)[..., None] * along + np.stack(v)[..., None] * across
-    path = path.swapaxes(0, 1)
+    is_beyond, zero = (low > length) | (high < 0.0), np.zeros(len(texts))
+    from_, far = np.where(low > length, [length, high], [zero, low])
+    u, v = [zero, zero, length, length, from_, far], [zero, out, out, zero, out, out]
+    places = start + np.stack(u)[..., None] * along + np.stack(v)[..., None] * across
+    path, beyond = np.split(places.swapaxes(0, 1), [4], axis=1)
     stroke = _TICK * sheet.text_m * (along + across)
-    corners = [path[:, 1], path[:, -2]]
+    corners = [path[:, 1], path[:, 2]]
     ticks = np.stack([np.stack([one - stroke, one + stroke], axis=1) for one in corners], axis=1)
     degrees = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
     for k, text in enumerate(texts):
@@ -463,6 +467,10 @@ def _draw_dimensions(sheet: Sheet, texts: list[Text], middle: Floats, half: Floa
         block.add_lwpolyline(path[k].tolist(), dxfattribs={**on, "elevation": up[k]})
         for first, last in ticks[k]:
             block.add_line((*first, up[k]), (*last, up[k]), dxfattribs=on)
+        if is_beyond[k]:
+            first, last = beyond[k]
+            dashed = {**on, "linetype": _DASHED}
+            block.add_line((*first, up[k]), (*last, up[k]), dxfattribs=dashed)
         letters = {"char_height": sheet.text_m, "rotation": degrees[k], "insert": place}
         middle_center = const.MTEXT_MIDDLE_CENTER
         block.add_mtext(words, {**on, **letters, "attachment_point": middle_center})
