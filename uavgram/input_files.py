@@ -104,13 +104,24 @@ def is_unread_photo(path: Path) -> bool:
     return known is not None and "photo" in known.name
 
 
+MAX_NAMED = 5
+"""Number of files of another format than their ending states that are named."""
+
+
 def describe_files(paths: Iterable[Path]) -> str:
     """Describe files without a use, by kind and number, with remedies; empty without any."""
     kinds = [(path, unread_format(path)) for path in paths]
     names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
+    hidden = [
+        f"{path.name} is a {known.name}"
+        for path, known in kinds
+        if known and path.suffix.lower() not in known.suffixes.split()
+    ]
     ways = {f"A {known.name}: {known.way_out}": None for _, known in kinds if known}
     counted = ", ".join(f"{count} x {name}" for name, count in names.items())
-    return ". ".join([f"Passed over: {counted}", *ways]) + "." if counted else ""
+    return (
+        ". ".join([f"Passed over: {counted}", *hidden[:MAX_NAMED], *ways]) + "." if counted else ""
+    )
 
 
 def _head(path: str | Path) -> bytes:

@@ -100,6 +100,7 @@ def test_a_duplicate_key_is_a_fault_that_names_both_lines(read: Read) -> None:
         ("a: &x 1\n", 1, "anchor"),
         ("a: !!python/object:os.system 1\n", 1, "tag"),
         ("a: !!float '1'\n", 1, "tag"),
+        ("a: 'x' y\nb: 1\n", 1, "does not go on as the lines above"),
         ("a: 1\nb: c: d\n", 2, "colon"),
         ("a: 1\nb\nc: 2\n", 3, "colon"),
         ("a: 1\n---\nb: 2\n", 2, "second document"),

@@ -65,6 +65,13 @@ def test_photos_in_a_format_without_a_reader_are_named_unless_they_are_there_as_
     assert "1 x HEIC photo" in found.passed_over
 
 
+def test_a_photo_of_another_format_than_its_ending_is_named(folder: Path) -> None:
+    (folder / "P9.jpg").write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic")
+
+    (named,) = inspect_folder(folder).unusable
+    assert named.startswith("Passed over: 1 x HEIC photo. P9.jpg is a HEIC photo. A HEIC photo: ")
+
+
 def test_a_gcp_list_is_taken_with_its_sigma(folder: Path) -> None:
     (folder / "gcp_list.txt").write_text(GCP)
     (folder / "notes.odt").write_bytes(b"x")

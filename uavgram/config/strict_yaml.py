@@ -153,6 +153,9 @@ _EXPLANATIONS = {
     "mapping values are not allowed": (
         "no colon is allowed here: put text that holds a colon in quotes, and check the indentation"
     ),
+    "expected <block end>": (
+        "this does not go on as the lines above: check its indentation, and quotes before it"
+    ),
     "quoted scalar": "a quote is opened here and never closed",
     "<stream end>": "a bracket is opened here and never closed",
     "simple key": "expected 'key: value' here: is a colon, or the space after it, missing?",

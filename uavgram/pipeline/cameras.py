@@ -197,6 +197,11 @@ def _difference(first: CameraTags, other: CameraTags) -> str:
     sizes = (other.width_px, other.height_px), (first.width_px, first.height_px)
     if size := describe_size(*sizes):
         return size
+    if first.camera_name and not other.camera_name:
+        return (
+            "names no camera, unlike the others: another program saved it anew, and may have "
+            "turned or reduced it. Copy it from the camera once more"
+        )
     if setting := _compare_settings(first, other):
         name = Path(first.path).name
         return f"{setting} {name}, so one assumed camera cannot serve both: {REMEDY}"

@@ -104,7 +104,7 @@ def test_rows_keep_their_line_numbers_across_blank_lines_and_quoted_breaks(
         ("name,length_m,sigma\na,1,1\n", 1, "unknown column 'sigma': did you mean 'sigma_m'?"),
         ("name,length_m,xyz\na,1,1\n", 1, "unknown column 'xyz': known are name, length_m"),
         ("name,length_m,name\na,1,b\n", 1, "column 'name' is there twice"),
-        ("name,length_m\na,1\nb,2,3\n", 3, "3 cells, but the header has 2"),
+        ("name,length_m\na,1\nb,2,3\n", 3, "3 cells, but the header has 2: write 6.98 for 6,98"),
         ("name,length_m\na\n", 2, "1 cells, but the header has 2"),
         ("name,length_m\n,1\n", 2, "name is empty"),
         ("name,length_m\na,\n", 2, "length_m is empty"),

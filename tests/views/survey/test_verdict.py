@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import fields, replace
 
+import numpy as np
 import pytest
 import synthetic_survey as survey
 from html_page import Page
@@ -60,6 +61,23 @@ def test_two_measurements_are_both_in_order() -> None:
     two = verdict_words(replace(made, measurements=first_rows(made.measurements, 2)))
 
     assert two.sentence == "Verdict: green, in order: both measurements fit and are checked."
+
+
+def test_readings_that_are_checked_roughly_are_no_full_check() -> None:
+    made = survey.build(clean=True)
+    weak = replace(made.lines, mdb_m=np.full(len(made.lines.name), 0.2))
+
+    assert verdict_words(replace(made, lines=weak)).sentence.endswith(
+        ": all 9 measurements fit and are checked for large mistakes."
+    )
+
+
+def test_where_nothing_is_checked_the_headline_counts_none() -> None:
+    made = survey.build(clean=True)
+    blind = replace(made.measurements, status=("not-checked",) * len(made.measurements.name))
+    amber = replace(made, measurements=blind, verdict=Verdict(level="amber"))
+
+    assert summarise_result(amber) == "Check: none of the 9 measurements is checked."
 
 
 def test_amber_does_not_claim_that_all_is_in_order() -> None:

@@ -309,6 +309,14 @@ class Table:
             self.add_fault(row, text)
 
 
+def _describe_torn(count: int, wanted: int) -> str:
+    """Describe a row with another number of cells than the header."""
+    words = f"{count} cells, but the header has {wanted}"
+    if count < wanted:
+        return words
+    return f"{words}: write 6.98 for 6,98, and put text that holds a comma or semicolon in quotes"
+
+
 def read_table(path: str | Path, columns: Columns) -> Table:
     """Read a CSV file with a header: UTF-8 with or without byte order mark, blank lines.
 
@@ -348,9 +356,7 @@ def read_table(path: str | Path, columns: Columns) -> Table:
     lines: list[int] = []
     faults: list[tuple[int | None, str]] = []
     for block in read_blocks(path):
-        torn += [
-            (line, f"{count} cells, but the header has {len(header)}") for line, count in block.torn
-        ]
+        torn += [(line, _describe_torn(count, len(header))) for line, count in block.torn]
         if torn:
             continue
         lines += block.line

@@ -124,16 +124,24 @@ def _known(result: Result) -> str:
     if len(rows.name) <= MAX_VALUES:
         return (
             f"{rows.name[0]} is {format_with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}"
-            f"{', and is checked' if result.verdict.level == 'green' else ''}."
+            f"{f', and {_checked(result, 1)}' if result.verdict.level == 'green' else ''}."
         )
     every = "both" if len(rows.name) == 2 else f"all {len(rows.name)}"
     if result.verdict.level == "green":
-        return f"{every} measurements fit and are checked."
+        return f"{every} measurements fit and {_checked(result, len(rows.name))}."
     if all(status == "ok" for status in rows.status):
         return f"{every} measurements are in order, something else is not."
     words = Counter(status_text(rows, row) for row in range(len(rows.name)))
+    if list(words) == [STATUS_WORDS["not-checked"]]:
+        return f"none of the {len(rows.name)} measurements is checked."
     parts = (f"{n} {'is' if n == 1 else 'are'} {word}" for word, n in words.most_common())
     return f"of {len(rows.name)} measurements, {join_names(parts, None)}."
+
+
+def _checked(result: Result, count: int) -> str:
+    """State that measurements are checked, and whether only against large mistakes."""
+    is_rough = any(mask.any() for mask in classify_readings(result.lines))
+    return f"{'is' if count == 1 else 'are'} checked{' for large mistakes' if is_rough else ''}"
 
 
 STEPPED_M = 10.0
