@@ -12,6 +12,8 @@ from picking_projects import PickingProject
 from picking_server import served
 from playwright.sync_api import expect
 
+import uavgram
+
 SIZES = [(720, 450), (1024, 700), (1280, 720), (1920, 1080), (2560, 1400)]
 
 CUT_OFF = """() => [...document.querySelectorAll("header, #panel > *, .scroll, #panel table")]
@@ -105,6 +107,26 @@ def test_the_verdict_is_shown_whole_or_scrolls_visibly_and_a_notice_covers_nothi
             assert page.evaluate(OVERLAPPING, boxes) == [], width
             page.keyboard.press("Shift+T")
             page.keyboard.press("Escape")
+        assert not open_page.errors
+
+
+def test_the_plan_covers_no_result(survey: Path, open_page: PageOpener) -> None:
+    uavgram.run(survey)
+    with served(survey) as server:
+        page = open_page(server, 1024, 700)
+        page.get_by_role("tab", name="Results").click()
+        table, plan = page.get_by_role("table", name="Results"), page.locator(".plan img")
+        expect(table.locator(".status").first).to_be_visible()
+        expect(plan).to_be_visible()
+        for width, height in ((1001, 700), (1024, 700), (1400, 900)):
+            page.set_viewport_size({"width": width, "height": height})
+            left, right = table.bounding_box(), plan.bounding_box()
+            assert left is not None
+            assert right is not None
+            assert left["x"] + left["width"] <= right["x"]
+            assert table.locator(".status").first.evaluate(
+                "one => one.scrollWidth <= one.clientWidth"
+            )
         assert not open_page.errors
 
 
