@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from uavgram.model.message import Message
+from uavgram.model.message import Correction, Message, Remedy
 from uavgram.stages.judge.verdict import get_first_sentences, get_plain_sentence, make_reason
 
 
@@ -29,6 +31,24 @@ def test_names_of_another_cause_are_kept_whole_too() -> None:
     message = Message("warning", "misfit", text, mentions=("St. 1",))
 
     assert make_reason(message).text == "One is wrong. Or, just as likely: St. 1 is wrong."
+
+
+def test_labels_that_may_be_swapped_in_either_photo_are_no_finding_in_one() -> None:
+    swaps = [
+        Remedy(
+            action="swap",
+            words="",
+            corrections=(Correction(action="swap", frame=frame, label="P", other="Q"),),
+        )
+        for frame in ("1.jpg", "2.jpg")
+    ]
+    message = Message(
+        "warning", "labels-swapped", "x", frames=("1.jpg",), labels=("P", "Q"), mend=swaps[0]
+    )
+
+    assert get_plain_sentence(message) == "P and Q seem swapped in 1."
+    either = replace(message, instead=(swaps[1],))
+    assert get_plain_sentence(either) == "P and Q seem swapped in 1 or 2."
 
 
 def test_the_plain_part_ends_at_a_colon_outside_of_names() -> None:

@@ -13,7 +13,7 @@ from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.message_catalogue import Effect, entry_of
-from uavgram.model.naming import join_names, join_photo_names
+from uavgram.model.naming import join_names, join_photo_names, photo_name
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
@@ -299,4 +299,13 @@ def get_plain_sentence(message: Message) -> str:
     form = entry.several if is_several and entry.several else entry.one
     names = {what: join_names(getattr(message, what)) for what in SUBJECTS}
     names["frames"] = join_photo_names(message.frames)
+    if elsewhere := _list_swapped_elsewhere(message):
+        names["frames"] = join_names(map(photo_name, (*message.frames, *elsewhere)), link="or")
     return form.format(count=len(message.labels), **names)
+
+
+def _list_swapped_elsewhere(message: Message) -> list[str]:
+    """List other photos in which the labels of a message may be swapped instead."""
+    swaps = [one for other in message.instead for one in other.corrections if one.action == "swap"]
+    same = [one.frame for one in swaps if {one.label, one.other} == set(message.labels)]
+    return [frame for frame in dict.fromkeys(same) if frame and frame not in message.frames]
