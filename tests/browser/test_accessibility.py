@@ -25,9 +25,12 @@ def server(data_dir: Path, tmp_path: Path) -> Iterator[Served]:
         yield server
 
 
-@pytest.fixture
-def page(server: Served, open_page: PageOpener) -> Iterator[Page]:
+@pytest.fixture(params=["light", "dark"])
+def page(server: Served, open_page: PageOpener, request: pytest.FixtureRequest) -> Iterator[Page]:
     page = open_page(server)
+    page.emulate_media(color_scheme=request.param)
+    ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", ground))) > 3 * 128) == (request.param == "light")
     with_axe(page)
     yield page
     assert not open_page.errors
