@@ -57,6 +57,26 @@ def test_keyboard_alone_places_nudges_renames_and_undoes(
         assert not open_page.errors
 
 
+def test_nothing_is_marked_beside_the_photo(planted: PickingProject, open_page: PageOpener) -> None:
+    with served(planted.path) as server:
+        page = open_page(server)
+        page.locator("svg.marks").first.focus()
+        readout = page.locator(".readout").first
+        page.keyboard.press("Control+ArrowRight")
+        for _ in range(100):
+            if "beside the photo" in readout.inner_text():
+                break
+            page.keyboard.press("Control+ArrowRight")
+        expect(readout).to_contain_text("beside the photo")
+        page.keyboard.press("Enter")
+        expect(page.locator("#notice")).to_contain_text("nothing was marked")
+        expect(page.locator(".mark")).to_have_count(0)
+        page.keyboard.press("f")
+        page.keyboard.press("Enter")
+        expect(page.locator(".mark")).to_have_count(1)
+        assert not open_page.errors
+
+
 KINDS = {
     "d": ("D1", ["R1", "R2"]),
     "a": ("A1", ["R1", "R2", "R7", "R4"]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import NamedTuple
 
@@ -379,3 +380,33 @@ def order_shapes_first(rows: MeasurementResults) -> tuple[int, ...]:
     """
     order = [int(i) for i in order_computed_first(rows)]
     return tuple(sorted(order, key=lambda i: rows.kind[i] == "coordinate"))
+
+
+def select_least_certain(
+    measurements: MeasurementResults, rows: Sequence[int], most: int
+) -> tuple[int, ...]:
+    """Select rows where there are too many: those that are not ok, then the least certain.
+
+    Coordinates are selected last, see `order_shapes_first`.
+
+    Parameters
+    ----------
+    measurements
+        The M measurements.
+    rows
+        Rows to select from; the selected ones keep their order.
+    most
+        Largest number of rows.
+    """
+    kind, status = measurements.kind, measurements.status
+    worst = order_worst_first(measurements).tolist()
+    ranked = sorted(
+        (i for i in worst if i in rows),
+        key=lambda i: (
+            not math.isfinite(measurements.value[i]),
+            kind[i] == "coordinate",
+            status[i] == "ok",
+        ),
+    )
+    chosen = set(ranked[:most])
+    return tuple(i for i in rows if i in chosen)

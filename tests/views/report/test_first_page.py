@@ -217,6 +217,24 @@ def test_what_is_true_of_all_measurements_does_not_list_them() -> None:
     assert told[0].endswith("does not fit: all 3 measurements.")
 
 
+def test_of_many_measurements_the_first_page_has_those_that_are_not_ok_and_the_least_certain() -> (
+    None
+):
+    pairs = enumerate(pairwise(f"P{i:02d}" for i in range(30)))
+    many = survey.build(measures=tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs))
+    sigma = np.full(29, 0.01)
+    sigma[[20, 25]] = 5.0
+    status = ["ok"] * 29
+    status[28] = "not-checked"
+    rows = replace(many.measurements, sigma=sigma, status=tuple(status))
+    brief = lay_out_brief(replace(many, measurements=rows))
+
+    assert len(brief.rows) == 10
+    assert brief.more == 19
+    assert {20, 25, 28} <= set(brief.rows)
+    assert list(brief.rows) == sorted(brief.rows)
+
+
 def test_the_plan_tells_of_how_many_measurements_it_names_the_least_certain() -> None:
     pairs = enumerate(pairwise(f"P{i:02d}" for i in range(30)))
     many = survey.build(measures=tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs))

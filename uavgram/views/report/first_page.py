@@ -11,7 +11,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.naming import join_names
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Pictures, Result
-from uavgram.views.formatting import order_shapes_first
+from uavgram.views.formatting import order_shapes_first, select_least_certain
 from uavgram.views.report.pictures import GROUND, picture_mark
 from uavgram.views.survey.fit import checks_summary
 from uavgram.views.survey.key_facts import accuracy_words, note_automatic_values
@@ -42,7 +42,8 @@ def report_plan(result: Result, first: Brief, pictures: Pictures) -> TopView | N
 
 
 MAX_ROWS = 10
-"""Largest number of measurements on the first page; of more, the least certain ones."""
+"""Largest number of measurements on the first page; of more, those that are not ok, and the
+least certain."""
 
 FEW_ROWS = 2
 """Number of measurements more than that which are shown too, rather than counted."""
@@ -97,7 +98,7 @@ def lay_out_brief(result: Result) -> Brief:
     count = len(order) if len(order) <= MAX_ROWS + FEW_ROWS else MAX_ROWS
     return Brief(
         case=case,
-        rows=tuple(order[:count]),
+        rows=select_least_certain(result.measurements, order, count),
         more=len(order[count:]),
         plan_height=max(MAX_PLAN - ROW * (count + len(case)), MIN_PLAN),
         reasons=tuple(reasons),

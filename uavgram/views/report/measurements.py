@@ -13,7 +13,13 @@ from uavgram.model.naming import format_digits
 from uavgram.model.result.reliability import ErrorBudget, Noise
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
-from uavgram.views.formatting import number, order_computed_first, relief_text, shift_text
+from uavgram.views.formatting import (
+    number,
+    order_computed_first,
+    relief_text,
+    select_least_certain,
+    shift_text,
+)
 from uavgram.views.survey.reliability import second_order_rows
 from uavgram.views.tables import Table, make_table
 from uavgram.views.units import format_value, units_of
@@ -50,7 +56,7 @@ class ReliefNotes(NamedTuple):
 
 
 def relief_notes(result: Result) -> ReliefNotes:
-    """Describe each measurement whose points are seen in one photo only, the worst first."""
+    """Describe each measurement whose points are seen in one photo only."""
     rows, points = result.measurements, result.points
     photos = dict(zip(points.label, points.frames, strict=True))
     alone = [
@@ -64,7 +70,7 @@ def relief_notes(result: Result) -> ReliefNotes:
         f"{rows.name[i]}: each of its points is seen in one photo only, so no observation "
         f"checks the height of the ground there. If that is {relief} higher or lower than assumed, "
         f"this value shifts by up to {shift_text(rows.shift_relief_10cm[i], rows.unit[i])}."
-        for i in alone[:MAX_RELIEF]
+        for i in select_least_certain(rows, alone, MAX_RELIEF)
     )
     return ReliefNotes(sentences, len(alone) - len(sentences))
 
@@ -243,7 +249,7 @@ class BudgetTable(NamedTuple):
     sources
         Name and colour of each, in the order of the bars and of the columns.
     rows
-        The least certain measurement first.
+        In the order of the project; of many, those that are not ok, and the least certain.
     more
         Number of measurements not shown.
     summary
@@ -277,7 +283,7 @@ def budget_table(result: Result) -> BudgetTable | None:
                 largest=sources[int(np.argmax(share[i]))],
                 shares=[number(100 * part, 1) for part in share[i]],
             )
-            for i in shown[:MAX_ROWS]
+            for i in select_least_certain(result.measurements, shown, MAX_ROWS)
         ),
         more=len(shown[MAX_ROWS:]),
         summary=_summary(ErrorBudget(source=sources, share=share[shown])),

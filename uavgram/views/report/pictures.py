@@ -20,7 +20,7 @@ from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.formatting import (
     measurement_text,
     number,
-    order_shapes_first,
+    select_least_certain,
     size_text,
 )
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, hex_colour
@@ -247,10 +247,15 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
 
 
 def _in_report(result: Result, pictures: Pictures) -> set[int]:
-    """Return the rows of the pictures of the measurements with the largest relative uncertainty."""
-    rank = {row: k for k, row in enumerate(order_shapes_first(result.measurements))}
-    rows = [k for k, one in enumerate(pictures.shown) if one.region.subject == "measurement"]
-    return set(sorted(rows, key=lambda k: rank[pictures.shown[k].region.row])[:MAX_SHOWN])
+    """Return the pictures of the measurements that are not ok, or the least certain."""
+    picture = {
+        one.region.row: k
+        for k, one in enumerate(pictures.shown)
+        if one.region.subject == "measurement"
+    }
+    return {
+        picture[row] for row in select_least_certain(result.measurements, tuple(picture), MAX_SHOWN)
+    }
 
 
 def _collect_shared_content(result: Result, regions: Sequence[Region]) -> _SharedContent:

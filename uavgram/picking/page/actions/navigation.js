@@ -44,7 +44,8 @@ export class Navigation {
       return true;
     }
     if (tool !== "pick" && tools.finish()) return true;
-    tools.clicked(pane, ...pane.inside(...pane.view.middle));
+    if (pane.contains(...pane.view.middle)) tools.clicked(pane, ...pane.view.middle);
+    else this.notice.show("The middle of the view is beside the photo, so nothing was marked. F shows the whole photo.");
     return true;
   }
 
