@@ -17,7 +17,7 @@ import pytest
 from axe_checks import keeps_out, with_axe
 from opened_pages import PageOpener
 from pick_pages import small_project
-from picking_pages import eventually
+from picking_pages import eventually, place
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
@@ -90,6 +90,9 @@ def test_a_project_is_set_up_by_keyboard_and_changed_later(home: Path, page: Pag
     expect(page.get_by_role("tabpanel", name="Results")).to_contain_text("Nothing is written yet")
     with_axe(page)
     assert keeps_out(page) == []
+    page.get_by_role("tab", name="Measure").click()
+    place(page, "A", 101.25, 99.75)
+    place(page, "B", 151.25, 99.75)
     page.get_by_role("tab", name="Camera").click()
     page.get_by_role("button", name="Change camera, mount").click()
     expect(page.get_by_role("radio", name="45° down")).to_be_checked()
@@ -98,6 +101,10 @@ def test_a_project_is_set_up_by_keyboard_and_changed_later(home: Path, page: Pag
     page.get_by_role("button", name="Open the project").click()
     expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
     assert load_project(home / "flight", unfinished=True).mount.pitch_deg == -60.0
+    measured = page.locator('[data-row="measure D1"]')
+    expect(measured).to_have_count(1)
+    page.locator("#undo").click()  # of what was marked before
+    expect(measured).to_have_count(0)
 
 
 def test_what_is_in_the_way_is_said_in_plain_words(

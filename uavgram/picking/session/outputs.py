@@ -19,6 +19,7 @@ from uavgram.picking.protocol.ways_on_page import name_on_page
 from uavgram.picking.storage.tables import Stamp, stamp_of
 from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.survey.verdict import (
+    describe_undetectable,
     reason_sentence,
     status_text,
     summarise_result,
@@ -172,6 +173,8 @@ def results_json(result: Result) -> m.Results:
     Measurements are in the order of the project, coordinates last.
     """
     words, units = verdict_words(result), units_of(result)
+    reasons = words.reasons
+    first = reason_sentence(reasons[0]) if reasons else describe_undetectable(result)
     keep, exact = list_names_like_lengths(result), exact_lengths(result)
 
     def in_project_units(text: str) -> str:
@@ -181,8 +184,8 @@ def results_json(result: Result) -> m.Results:
     return {
         "level": words.level,
         "headline": in_project_units(summarise_result(result)),
-        "first": in_project_units(reason_sentence(words.reasons[0])) if words.reasons else "",
-        "others": [in_project_units(reason.text) for reason in words.reasons[1:]],
+        "first": in_project_units(first),
+        "others": [in_project_units(reason.text) for reason in reasons[1:]],
         "scale": in_project_units(words.scale),
         "counts": words.counts,
         "case": list(case_from_options(result.provenance.options)),

@@ -280,7 +280,9 @@ class OpenProject:
             self.refuses = f"{why}. Start uavgram again"
             log.warning("the project was let go: %s", why)
             return
+        before = self.picking.session
         self.picking = PickSession(survey, saver, self._broadcast)
+        self.picking.resume(before)
         self._outside = FileWatch(survey.inputs)
         if self.outputs.folder != Path(self.picking.output):
             self.outputs.close()

@@ -106,6 +106,16 @@ class PickSession:
         self._state_version = 0  # of `session`, which lags behind `version` during a change
         self._adjusted_version = -1  # of the state that was adjusted last, or could not be
 
+    def resume(self, before: Session) -> None:
+        """Continue the history of an earlier session that ended with the present state.
+
+        States with photos that the project no longer has cannot be returned to.
+        """
+        states = (*before.past, *before.future)
+        images = {pick.image for state in states for pick in state.picks}
+        if before.state == self.state and images <= self.index.keys():
+            self.session = before
+
     @property
     def output(self) -> str:
         """Folder of the project's outputs."""

@@ -21,6 +21,7 @@ from uavgram.errors import InputError, UavgramError
 from uavgram.io.folders import PROJECT
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import RefusedError
+from uavgram.picking.document.history import Session
 from uavgram.picking.protocol import messages as m
 from uavgram.picking.protocol.encode_quantities import (
     collect_lengths,
@@ -287,6 +288,7 @@ class ProjectHost:
             except InputError as why:
                 log.warning("%s", why)
                 door.choose(project, opens=True)  # the start page shows it, and reads it again
+        self._closed: tuple[Path, Session] | None = None
         self._routes: ASGIApp | None = None
         self._changing = asyncio.Lock()
 
@@ -333,12 +335,15 @@ class ProjectHost:
 
     def _show(self, pick: PickServer) -> None:
         self.pick, self._routes = pick, Starlette(routes=pick.routes())
+        if self._closed is not None and self._closed[0] == pick.path:  # back from the set-up
+            pick.picking.resume(self._closed[1])
         pick.begin()
         self.door.remember(pick.path)
 
     async def _close(self, *, waits: bool = True) -> None:
         pick, self.pick, self._routes = self.pick, None, None
         if pick is not None:
+            self._closed = (pick.path, pick.picking.session)
             await pick.end(waits=waits)
 
     @property

@@ -106,6 +106,6 @@ export class ProjectActions {
   }
 
   async reload() {
-    if (await this.ask({ t: "reload" })) this.notice.show("The project was read again from its files; undo begins anew.", true);
+    if (await this.ask({ t: "reload" })) this.notice.show("The project was read again from its files.", true);
   }
 }
