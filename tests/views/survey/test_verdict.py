@@ -212,6 +212,15 @@ def test_the_scale_is_before_the_messages_and_the_verdict_once_at_the_end(mixed:
     assert SCALE in render_report(green).split("</header>")[0]
 
 
+def test_the_height_by_lengths_alone_is_stated_beside_the_scale(mixed: Result) -> None:
+    alone = replace(mixed, world=replace(mixed.world, gauge="plane"))
+
+    assert verdict_words(alone).scale.startswith(
+        f"{SCALE} By your lengths, the cameras were about 42 m "
+    )
+    assert verdict_words(mixed).scale == SCALE
+
+
 # Measurements that other solutions would change are marked wherever they stand.
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools
-from uavgram.model.naming import FOOT_M, Units, format_count, join_names
+from uavgram.model.naming import FOOT_M, METRIC, Units, format_count, join_names
 from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineResults, MeasurementResults
@@ -149,10 +149,16 @@ STEPPED_M = 10.0
 
 
 def describe_height(result: Result, units: Units) -> str:
-    """Return a sentence on the height of the cameras; empty where nothing determines it.
+    """Return a question on the height of the cameras; empty where nothing determines it.
 
     A person who was there notices by it lengths that were entered in another unit.
     """
+    words = _height_words(result, units)
+    return f"Cameras about {words} above the ground: is that right?" if words else ""
+
+
+def _height_words(result: Result, units: Units = METRIC) -> str:
+    """Return the height of the cameras, rounded: ``58 m``; empty where nothing determines it."""
     frames, points = result.frames, result.points
     used = np.array(frames.status, dtype=str) == "refined"
     ground_m = points.position_world_m[:, 2] - points.height_above_ground_m
@@ -160,8 +166,7 @@ def describe_height(result: Result, units: Units) -> str:
         return ""
     height_m = np.median(frames.refined.center_world_m[used, 2]) - np.median(ground_m)
     unit, one_m = ("m", 1.0) if units.length == "m" else ("feet", FOOT_M)
-    words = f"{height_m / one_m:.{0 if height_m > STEPPED_M else 1}f} {unit}"
-    return f"Cameras about {words} above the ground: is that right?"
+    return f"{height_m / one_m:.{0 if height_m > STEPPED_M else 1}f} {unit}"
 
 
 class CheckedReadings(NamedTuple):
@@ -235,8 +240,18 @@ def list_named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
 
 
 def scale_sentence(result: Result) -> str:
-    """Return the source of the scale; empty if unknown."""
-    return next((m.text for m in result.messages if m.code == "scale-basis"), "")
+    """Return the source of the scale, and the height of cameras that lengths alone determine.
+
+    The text is empty if the source is unknown.
+    """
+    basis = next((m.text for m in result.messages if m.code == "scale-basis"), "")
+    height = _height_words(result)
+    if not basis or not height or result.world.gauge != "plane":
+        return basis
+    return (
+        f"{basis} By your lengths, the cameras were about {height} above the ground; if they were not, the "
+        "lengths are wrong, or in another unit."
+    )
 
 
 def counts_sentence(result: Result) -> str:
