@@ -249,8 +249,8 @@ def scale_sentence(result: Result) -> str:
     if not basis or not height or result.world.gauge != "plane":
         return basis
     return (
-        f"{basis} By your lengths, the cameras were about {height} above the ground; if they were not, the "
-        "lengths are wrong, or in another unit."
+        f"{basis} By your lengths, the cameras were about {height} above the ground; if they were "
+        "not, the lengths are wrong, or in another unit."
     )
 
 
