@@ -48,6 +48,12 @@ def test_the_three_required_keys_are_enough(load: Load, tmp_path: Path) -> None:
     assert project.telemetry.position_bias_sigma_m == (2.0, 3.0)
 
 
+def test_a_table_is_no_project_file(tmp_path: Path) -> None:
+    (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\na.jpg,P,1,2\n")
+    with pytest.raises(InputError, match="is no project file: name the project file"):
+        load_project(tmp_path / "picks.csv")
+
+
 def test_a_decimal_comma_that_can_mean_nothing_else_is_read(load: Load) -> None:
     assert load("picks_sigma_px: 1,5\n").picks_sigma_px == 1.5
     assert load("ground:\n  height_m: -0,125\n").ground.height_m == -0.125

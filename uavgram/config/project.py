@@ -77,13 +77,16 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         wrong types, values out of range, input files that do not exist.
     """
     path = project_file(path).absolute()
+    is_yaml = path.suffix.lower() in {".yaml", ".yml"}
     try:
         document = read_yaml(path)
     except InputError as fault:
-        if path.suffix.lower() in {".yaml", ".yml"}:
+        if is_yaml:
             raise
         raise InputError(path, f"is no project file: {NAME_PROJECT}") from fault
     data = document.data
+    if not is_yaml and not isinstance(data, dict):
+        raise InputError(path, f"is no project file: {NAME_PROJECT}")
     missing: tuple[Fault, ...] = ()
     if isinstance(data, dict):
         data = {"name": path.parent.name, **data}
