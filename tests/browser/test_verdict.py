@@ -136,7 +136,7 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
         wait_until_adjusted(page)
         table = page.get_by_role("table", name="Measurements")
         expect(table.locator(".standing, .is-contradicted, .is-doubtful")).to_have_count(0)
-        expect(page.locator("#first")).to_contain_text("A mistake in reading the tape at")
+        expect(page.locator("#first")).to_contain_text("Only large mistakes would be noticed")
         expect(why).to_be_hidden()
         assert not open_page.errors
 
