@@ -79,6 +79,7 @@ def test_numbers_are_grey_until_they_belong_to_what_is_picked(
 ) -> None:
     server, hold = slow
     page = open_page(server)
+    page.emulate_media(color_scheme="dark")
     wait_until_adjusted(page)
     hold.clear()
     page.locator("#label").fill("New")

@@ -121,7 +121,7 @@ def test_the_button_beside_the_first_reason_makes_the_verdict_better(
 
 
 def test_of_a_wrong_second_click_the_button_keeps_the_first(tmp_path: Path) -> None:
-    project, state = opened_survey(tmp_path, lambda sound: sound, 5)
+    project, state = opened_survey(tmp_path, faults.none, 5)
     right = next(pick for pick in state.picks if pick.label == "P0")
     again = Repeat(image=right.image, label="P0", u_px=right.u_px + 80.0, v_px=right.v_px)
     twice = apply_change(state, again)

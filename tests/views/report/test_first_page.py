@@ -224,7 +224,7 @@ def test_of_many_measurements_the_first_page_has_those_that_are_not_ok_and_the_l
     many = survey.build(measures=tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs))
     sigma = np.full(29, 0.01)
     sigma[[20, 25]] = 5.0
-    status = ["ok"] * 29
+    status: list[MeasurementStatus] = ["ok"] * 29
     status[28] = "not-checked"
     rows = replace(many.measurements, sigma=sigma, status=tuple(status))
     brief = lay_out_brief(replace(many, measurements=rows))

@@ -17,7 +17,7 @@ from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.io.json_codec import decode, encode
 from uavgram.model.message import Message, Remedy
 from uavgram.model.naming import IMPERIAL, METRIC
-from uavgram.model.result.reliability import Reason, Verdict
+from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import FrameStatus, MeasurementResults
 from uavgram.stages.products.map_layers import features_of
@@ -74,7 +74,8 @@ def test_readings_that_are_checked_roughly_are_no_full_check() -> None:
 
 def test_where_nothing_is_checked_the_headline_counts_none() -> None:
     made = survey.build(clean=True)
-    blind = replace(made.measurements, status=("not-checked",) * len(made.measurements.name))
+    status: MeasurementStatus = "not-checked"
+    blind = replace(made.measurements, status=(status,) * len(made.measurements.name))
     amber = replace(made, measurements=blind, verdict=Verdict(level="amber"))
 
     assert summarise_result(amber) == "Check: none of the 9 measurements is checked."
