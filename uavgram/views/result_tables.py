@@ -125,7 +125,13 @@ class Source:
         return self.like_tape(lines.adjusted_m[row], lines.adjusted_sigma_m[row])
 
     def like_tape(self, value_m: float, sigma_m: float, *, signed: bool = False) -> str:
-        """Return a length and its sigma as tapes are read: in feet and inches, these with units."""
+        """Return a length and its sigma as tapes are read: in feet and inches, these with units.
+
+        Parameters
+        ----------
+        value_m, sigma_m, signed
+            See `length_with_sigma`.
+        """
         if self.units.length != "ft-in":
             return self.length_with_sigma(value_m, sigma_m, signed=signed)
         words = format_length(float(value_m), self.units, 3, signed=signed)
