@@ -214,13 +214,7 @@ def decide(
             _try_heights(problem, gross, "roughness", out, ~on_ground)
         if "heights" in gross:
             _try_heights(problem, gross, "heights", out)
-        back: dict[str, Bools] = {}
-        for name, is_out in gross.items():
-            before = out.get(name, np.zeros_like(is_out))
-            returned = has_returned.get(name, np.zeros_like(is_out))
-            is_out[returned & before] = True
-            back[name] = before & ~is_out
-            has_returned[name] = returned | back[name]
+        back = _keep_out(gross, out, has_returned)
         if out and all(np.array_equal(is_out, out[name]) for name, is_out in gross.items()):
             break
         goal = minimum.cost + _bound_increase(back, noise) if out else np.inf
@@ -249,6 +243,28 @@ def decide(
     return Annealed(
         problem, minimum, frames, weight, misfit, compute_bounded_cost(problem, minimum, out)
     )
+
+
+def _keep_out(
+    gross: Mapping[str, Bools], out: Mapping[str, Bools], has_returned: dict[str, Bools]
+) -> dict[str, Bools]:
+    """Keep observations out that leave a second time; return those that take part again.
+
+    Parameters
+    ----------
+    gross, out
+        Observations that are gross errors, and that were out before; the first is changed.
+    has_returned
+        Observations that returned before; those of this round are added.
+    """
+    back: dict[str, Bools] = {}
+    for name, is_out in gross.items():
+        before = out.get(name, np.zeros_like(is_out))
+        returned = has_returned.get(name, np.zeros_like(is_out))
+        is_out[returned & before] = True
+        back[name] = before & ~is_out
+        has_returned[name] = returned | back[name]
+    return back
 
 
 def compute_gross_cost(name: str) -> float:

@@ -361,8 +361,8 @@ class _Places(NamedTuple):
 def _pair_places(adjustment: Adjustment, names: Sequence[str]) -> _Places:
     """Return both places of points; those without one by few photos are missing."""
     row = np.array([adjustment.label_rows([one, name_moved(one)]) for one in names])
-    is_placed = (row >= 0).all(axis=1)
-    own = [one for one, placed in zip(names, is_placed, strict=True) if placed]
+    is_placed: Bools = np.all(row >= 0, axis=1)
+    own = [names[k] for k in np.flatnonzero(is_placed).tolist()]
     place, covariance = adjustment.joint_points(row[is_placed].T.ravel())
     plane = (3 * np.arange(len(place))[:, None] + np.arange(2)).ravel()
     before, after = np.split(place[:, :2] @ np.array([1.0, 1.0j]), 2)
@@ -411,7 +411,7 @@ def _fit_motion(adjustment: Adjustment, names: Sequence[str]) -> tuple[Floats, F
     if compute_log_probability(squares, degrees) < LOG_SIGNIFICANCE:
         return None
     middle = complex((pairs.after - pairs.before).mean())
-    return np.array([middle.real, middle.imag, np.angle(turn)]) + step, normal
+    return np.array([middle.real, middle.imag, np.angle(turn)]) + step, np.asarray(normal)
 
 
 def _moved_message(
