@@ -281,6 +281,27 @@ def picked_beside(scene: Scene, size_m: float, seed: int) -> Scene:
     return replace(scene, survey=replace(survey, pixel_px=pixel))
 
 
+Motion = tuple[float, float, float]
+"""Shift to the east and north [m], and rotation about the points' middle [rad]."""
+
+
+def show_moved(
+    scene: Scene, labels: tuple[int, ...], frames: tuple[int, ...], motion: Motion
+) -> Survey:
+    """Show some points of a scene moved on the ground, in some photos."""
+    survey, moved = scene.survey, scene.world.copy()
+    own, (east, north, angle) = list(labels), motion
+    middle = scene.world[own].mean(axis=0)
+    moved[own] = middle + (scene.world[own] - middle) @ about_z(angle).T + [east, north, 0.0]
+    pixel = np.array(survey.pixel_px)
+    for frame in frames:
+        pose = scene.truth.center[frame], scene.truth.rotation[frame]
+        before, after = (cv_pixels(INTRINSICS, *pose, world)[0] for world in (scene.world, moved))
+        rows = np.flatnonzero(survey.pick_frame == frame)
+        pixel[rows] += (after - before)[survey.pick_label[rows]]
+    return replace(survey, pixel_px=pixel)
+
+
 def _ground(source: Sources, name: str, height: float, roughness: float) -> Ground:
     return Ground(
         name=name,

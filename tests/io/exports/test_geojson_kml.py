@@ -200,6 +200,19 @@ def test_every_file_has_a_new_layer(tmp_path: Path) -> None:
     assert len(drawn) == 1
 
 
+def test_shapes_without_any_place_are_written(tmp_path: Path) -> None:
+    nowhere = Layer(
+        name="points",
+        kind="point",
+        vertices_m=(np.zeros((0, 3)), np.zeros((0, 3))),
+        attributes={"label": ("P00", "P01")},
+        above_ground_m=(np.zeros(0), np.zeros(0)),
+    )
+    features = features_of(survey.build(frame_count=3), "EPSG:32632")
+    write_kml(replace(features, layers=(nowhere,)), tmp_path / "a.kml", LOOKS)
+    assert "<name>Points" in (tmp_path / "a.kml").read_text(encoding="utf-8")
+
+
 # survey.kml, read back by GDAL and as XML.
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from scenes import Scene
+from scenes import Scene, make_scene, show_moved
 from scipy.stats import chi2
 from taped_scenes import read_on_tapes
 
@@ -40,6 +40,7 @@ from uavgram.stages.judge import (
     run_tests,
     tested_survey,  # its class itself would be taken for tests
 )
+from uavgram.stages.judge.verdict import find_unconfirmed_points
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.readjustment import convert_state
 from uavgram.stages.refine.staged_sigmas import iterate
@@ -184,6 +185,35 @@ def test_a_gross_pick_and_a_gross_length_are_removed_and_nothing_else_is_accused
     assert np.isfinite(lines.adjusted_sigma_m[2])
     assert [(m.code, m.lengths) for m in messages] == [("line-left-out", ("L2",))]
     assert judge_suspects(given) == ()
+
+
+def test_two_lengths_at_a_point_that_was_clicked_elsewhere_name_the_point() -> None:
+    ends = ((0, 5), (5, 9), (0, 9), (1, 7), (2, 8), (3, 10), (4, 11))
+    scene = make_scene(6, frames=6, ends=ends)
+    survey = show_moved(scene, (5,), tuple(range(6)), (0.6, 0.5, 0.0))
+    given = examined(solve(survey, "report"))
+    _, _, _, messages = judge_lines(given, lines_of(survey), np.arange(len(ends)))
+    (named,) = messages
+    assert (named.code, named.labels, set(named.lengths)) == (
+        "point-not-taped",
+        ("P5",),
+        {"L0", "L1"},
+    )
+    # Nothing confirms where it was clicked; each other end has one more length.
+    assert "P5" in find_unconfirmed_points(given)
+    for reading, is_off in ((0, "L0"), (1, "L1")):  # a single length leaves the reading in doubt
+        alone = changed(scene.survey, "length_m", reading, 0.5)
+        given = examined(solve(alone, "report"))
+        _, _, _, messages = judge_lines(given, lines_of(alone), np.arange(len(ends)))
+        assert [(one.code, one.lengths) for one in messages] == [("line-left-out", (is_off,))]
+
+
+def test_a_left_out_control_point_is_in_doubt_until_two_lengths_confirm_it() -> None:
+    for ends, is_in_doubt in (((1, 7), (2, 8)), True), (((3, 7), (3, 8), (2, 9)), False):
+        scene = make_scene(3, frames=5, control=6, ends=ends)
+        survey = changed(scene.survey, "control_world_m", (3, 0), 2.0)
+        given = examined(solve(survey, "report"))
+        assert ("P3" in find_unconfirmed_points(given)) == is_in_doubt
 
 
 def test_residuals_and_redundancies_stand_with_their_own_picks(

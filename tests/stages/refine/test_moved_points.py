@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import INTRINSICS, Scene, about_z, cv_pixels, make_scene
+from scenes import INTRINSICS, Motion, cv_pixels, make_scene, show_moved
 
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import Noise, PickNoise
-from uavgram.model.survey import Survey, SurveyCorrection
+from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine import at_stated_noise, refine
 from uavgram.stages.refine.at_stated_noise import find_participants
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
@@ -23,26 +23,6 @@ from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import Participants
 from uavgram.stages.refine.noise import report_noise
 from uavgram.stages.refine.robust_candidate import MISPLACED
-
-Motion = tuple[float, float, float]
-"""Shift to the east and north [m], and rotation about the points' middle [rad]."""
-
-
-def show_moved(
-    scene: Scene, labels: tuple[int, ...], frames: tuple[int, ...], motion: Motion
-) -> Survey:
-    """Show some points of a scene moved on the ground, in some photos."""
-    survey, moved = scene.survey, scene.world.copy()
-    own, (east, north, angle) = list(labels), motion
-    middle = scene.world[own].mean(axis=0)
-    moved[own] = middle + (scene.world[own] - middle) @ about_z(angle).T + [east, north, 0.0]
-    pixel = np.array(survey.pixel_px)
-    for frame in frames:
-        pose = scene.truth.center[frame], scene.truth.rotation[frame]
-        before, after = (cv_pixels(INTRINSICS, *pose, world)[0] for world in (scene.world, moved))
-        rows = np.flatnonzero(survey.pick_frame == frame)
-        pixel[rows] += (after - before)[survey.pick_label[rows]]
-    return replace(survey, pixel_px=pixel)
 
 
 @pytest.mark.parametrize("telemetry", [True, False])
