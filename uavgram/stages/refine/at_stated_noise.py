@@ -236,8 +236,9 @@ def _find_common_errors(
     -------
     The causes; None if there are none, or if gross errors are nearly as likely.
     """
-    # Where the rest fits, a single mistake in readings needs no other cause. Beside one, the poses
-    # of the log may be strained, as by a wrong one that was left out.
+    # Where the rest fits, a single pick or length that is wrong needs no other cause; a photo or a
+    # control point has many numbers that another cause may explain. Beside one, the poses of the
+    # log may be strained, as by a wrong one that was left out.
     accusing = [one for one in found.causes if one.settles]
     explained = {name for one in found.causes for name in one.message.labels}
     others = robust.count_others() - len(explained.intersection(robust.contradicting))
@@ -245,7 +246,11 @@ def _find_common_errors(
     core = compute_core_fit(robust.refined.adjustment).probability
     fits = found.fits or (wrong == 1 and core >= MISFIT_PROBABILITY)
     is_alone = len(np.unique(taking.survey.pick_frame[taking.keep])) == 1
-    if wrong <= int(not is_alone) and fits and not robust.refined.is_log_left_out:
+    is_large = bool(len(robust.control)) or any(
+        why.cause is LeftOutCause.MISPLACED_FRAME for why in robust.refined.pick_reason.values()
+    )
+    is_settled = wrong <= int(not is_alone) and not is_large
+    if is_settled and fits and not robust.refined.is_log_left_out:
         return None
     plain = adjust_on_trial(taking, FULL)
     if plain is None:
