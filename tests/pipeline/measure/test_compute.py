@@ -120,7 +120,7 @@ def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so
             label_of_pick={one: int(at[other]), other: int(at[one])},
             without_picks=frozenset([third]),
         )
-        return IdentifiedCauses((cause(mend),), (None,), ((),))
+        return IdentifiedCauses((cause(mend),), (None,), ((),), cost=0.0)
 
     stage = importlib.import_module("uavgram.stages.refine.at_stated_noise")
     monkeypatch.setattr(stage, "identify_causes", found)
