@@ -51,11 +51,14 @@ def find_length_faults(
     right = {end for i in fitting.tolist() for end in (lines.start[i], lines.end[i])}
     unknown = [i for i in seen if not mistake[i]]
     count = Counter(end for i in unknown for end in (lines.start[i], lines.end[i]))
+    # One wrong point has to explain all of them: two lengths that meet always fit some other point.
+    common = [end for end in count if 1 < count[end] == len(unknown) and end not in right]
     faults = {}
     for i in seen:
-        shared = [end for end in (lines.start[i], lines.end[i]) if count[end] > 1]
-        at = max((end for end in shared if end not in right), key=count.__getitem__, default="")
-        faults[i] = LengthFault(mistake[i], "" if mistake[i] else at)
-        if faults[i] == LengthFault():
+        if mistake[i]:
+            faults[i] = LengthFault(mistake=mistake[i])
+        elif len(common) == 1:
+            faults[i] = LengthFault(end=common[0])
+        else:
             faults[i] = LengthFault(row=i)
     return faults
