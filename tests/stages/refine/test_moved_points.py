@@ -128,18 +128,6 @@ def test_a_photo_that_fits_the_others_takes_part_again(monkeypatch: pytest.Monke
     assert "photo-elsewhere" not in [one.code for one in messages]
 
 
-def test_a_height_above_the_camera_is_named() -> None:
-    scene = make_scene(1, frames=3, labels=12)
-    height = np.zeros(12)
-    height[5] = 500.0
-    survey = replace(scene.survey, height_above_m=height)
-    refined, _ = refine(survey, SolveOptions())
-    own = np.flatnonzero(survey.pick_label == 5)
-    assert {refined.pick_reason[k].text for k in own.tolist()} == {
-        "its stated height is above the camera: correct the height"
-    }
-
-
 @pytest.mark.parametrize(("sigma", "is_found"), [(0.1, True), (1.0, False)])
 def test_an_amount_that_may_be_zero_explains_nothing(sigma: float, *, is_found: bool) -> None:
     survey = make_scene(4, frames=3, labels=12).survey

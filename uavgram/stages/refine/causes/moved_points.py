@@ -44,8 +44,12 @@ STEP_M = 0.01
 MOTION_SIZE = 3
 """Number of unknowns of a motion on the ground: a shift to the east and north, and a rotation."""
 
-LEAST_MOVED = 2
-"""Least number of points that show a common motion; a single one may as well be a wrong pick."""
+LEAST_MOVED, LEAST_PICKS = 2, 3
+"""Least number of points that show a common motion, as a single one may as well be a wrong pick;
+and of picks that show them elsewhere, as two wrong ones often agree by chance."""
+
+MOVED_LOG_ODDS = float(np.log(20.0))
+"""Logarithm of the odds against anything being moved, without other evidence."""
 
 LEAST_DECREASE = 2.0 * GROSS_ERROR_LOG_ODDS
 """Decrease of the sum of squares that each point has to add to those that were moved."""
@@ -140,6 +144,8 @@ def _propose(
         return
     survey = diagnosis.survey
     fewer, more = _divide_picks(diagnosis, names, photos)
+    if len(fewer) < LEAST_PICKS:
+        return
     apart, kept = (SurveyCorrection(apart=frozenset(one.tolist())) for one in (fewer, more))
     yield Hypothesis(
         message=partial(_moved_message, survey, names, fewer, more),
@@ -160,7 +166,7 @@ def _compute_price(moved: int, points: int, photos: int) -> float:
     subsets = gammaln(points + 1) - gammaln(moved + 1) - gammaln(points - moved + 1)
     # The photos may be in any order.
     parts = (photos - 1) * np.log(2.0)
-    return MOTION_SIZE * GROSS_ERROR_LOG_ODDS + float(subsets + parts)
+    return MOVED_LOG_ODDS + MOTION_SIZE * GROSS_ERROR_LOG_ODDS + float(subsets + parts)
 
 
 def _divide_picks(
