@@ -94,9 +94,8 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         # a candidate with them is the last resort.
         agreed = [one for one in agreed if not one.misplaced] or agreed
         # Without a log that is wrong as a whole, the rest may have no gross errors.
-        wrong = find_wrong_poses(agreed[0].annealed, taking.pose_widened) if agreed else {}
-        prior = taking.survey.telemetry
-        if prior is not None and len(taking.pose_widened) < len(wrong) == len(prior.frame_index):
+        wrong = _find_wrong_log(taking, agreed[0]) if agreed else {}
+        if len(taking.pose_widened) < len(wrong):
             with suppress(GeometryError):
                 return adjust_robustly(replace(taking, pose_widened=wrong))
         robust = _adjust_without_outliers(taking, agreed)
@@ -109,6 +108,22 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         plain = find_best_minima(taking)
     plain = _mark_misplaced_photos(taking.survey, plain)
     return Robust(taking.survey, plain)
+
+
+def _find_wrong_log(taking: Participants, best: Candidate) -> dict[str, float]:
+    """Find factors of the sigmas of all poses by the log; empty unless it is wrong as a whole.
+
+    Then a photo that was left out may have contradicted the log alone.
+    """
+    prior, part = taking.survey.telemetry, best.annealed.problem.survey.telemetry
+    wrong = find_wrong_poses(best.annealed, taking.pose_widened)
+    if prior is None or part is None:
+        return {}
+    number = len(part.frame_index)
+    if len(wrong) < number or number < min(2, len(prior.frame_index)):
+        return {}
+    names = [taking.survey.frame_id[k] for k in prior.frame_index]
+    return dict.fromkeys(names, max(wrong.values()))
 
 
 def _mark_misplaced_photos(survey: Survey, refined: Refined) -> Refined:
