@@ -36,7 +36,7 @@ from uavgram.stages.refine.causes.hypothesis import (
     correct_participants,
     name_moved,
 )
-from uavgram.stages.refine.minima import FULL, adjust_on_trial
+from uavgram.stages.refine.minima import Patience, adjust_on_trial
 
 STEP_M = 0.01
 """Step [m] for the derivatives of pixels by the place of a point."""
@@ -58,6 +58,9 @@ MAX_PHOTOS, MAX_TESTED, MAX_BEGUN = 30, 12, 6
 """Largest number of photos between which a motion is looked for; number of points, those that fit
 worst, that are tested to be moved with others; and number of these with which the selection begins.
 """
+
+MAX_COST_SHARE = 0.5
+"""Share of the sum of squares that may remain with two places of each point that was moved."""
 
 MAX_ROUNDS = 4
 """Largest number of adjustments that choose the points that were moved."""
@@ -118,11 +121,12 @@ def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     found = [one for one in map(search.find_points, parts) if one is not None]
     found.sort(key=lambda one: -one.surplus)
     improved = {one.key: one for one in map(search.improve_photos, found[:MAX_PROPOSED])}
+    goal = MAX_COST_SHARE * adjustment.minimum.cost
     for one in improved.values():
-        if one.surplus > 0.0:
+        if one.gain > adjustment.minimum.cost - goal and one.surplus > 0.0:
             names = [adjustment.survey.label[k] for k in one.label]
             photos = frozenset(np.array(adjustment.survey.frame_id)[one.is_apart].tolist())
-            yield from _propose(diagnosis, names, photos, one.gain)
+            yield from _propose(diagnosis, names, photos, goal, one.gain)
 
 
 def propose_moved_left_out(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
@@ -132,14 +136,27 @@ def propose_moved_left_out(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     label = np.intersect1d(survey.pick_label[left], survey.pick_label[refined.pick_index])
     photos = frozenset(survey.frame_id[k] for k in survey.pick_frame[left])
     if len(label) >= LEAST_MOVED and 1 < len(survey.frame_id) <= MAX_PHOTOS:
-        yield from _propose(diagnosis, [survey.label[k] for k in label], photos, 0.0)
+        names = [survey.label[k] for k in label]
+        yield from _propose(diagnosis, names, photos, diagnosis.cost, 0.0)
 
 
 def _propose(
-    diagnosis: Diagnosis, names: Sequence[str], photos: frozenset[str], gain: float
+    diagnosis: Diagnosis, names: Sequence[str], photos: frozenset[str], goal: float, gain: float
 ) -> Iterator[Hypothesis]:
-    """Propose that those of some points that show one motion were moved before some photos."""
-    names = _choose_by_motion(diagnosis, names, photos)
+    """Propose that those of some points that show one motion were moved before some photos.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    names, photos
+        The points; and the photos that may show them elsewhere than the others do.
+    goal
+        Sum of squares that an adjustment with two places of each point has to reach.
+    gain
+        Expected decrease of the sum of squares.
+    """
+    names = _choose_by_motion(diagnosis, names, photos, goal)
     if len(names) < LEAST_MOVED:
         return
     survey = diagnosis.survey
@@ -185,7 +202,7 @@ def _divide_picks(
 
 
 def _choose_by_motion(
-    diagnosis: Diagnosis, names: Sequence[str], photos: frozenset[str]
+    diagnosis: Diagnosis, names: Sequence[str], photos: frozenset[str], goal: float
 ) -> list[str]:
     """Choose those of some points that were moved together, by adjustments with two places each.
 
@@ -196,8 +213,8 @@ def _choose_by_motion(
     for _ in range(MAX_ROUNDS):
         fewer, more = (frozenset(one.tolist()) for one in _divide_picks(diagnosis, chosen, photos))
         taking = correct_participants(diagnosis, SurveyCorrection(apart=fewer), more)
-        refined = adjust_on_trial(taking, FULL)
-        if refined is None:
+        refined = adjust_on_trial(taking, Patience(goal=goal))
+        if refined is None or refined.adjustment.minimum.cost > goal:
             return []
         adjusted = refined.adjustment
         alike = _find_common_motion(adjusted, chosen)
