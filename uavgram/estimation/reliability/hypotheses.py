@@ -118,7 +118,8 @@ def compare_hypotheses(
         plain.append(own)
     # One solution for all hypotheses: N^-1 A^T C.
     solved = adjustment.minimum.factor.solve(right)
-    gradient = compute_gradient(blocks.values(), size)
+    is_at_rest = adjustment.minimum.converged
+    gradient = np.zeros(size) if is_at_rest else compute_gradient(blocks.values(), size)
     found = []
     for start, count, score, own in zip(first, counts, scores, plain, strict=False):
         span = slice(int(start), int(start) + count)
