@@ -58,6 +58,9 @@ from uavgram.stages.refine.robust_candidate import (
 ORDINARY_SIGMAS = 5.0
 """Standardised misfit up to which an ordinary adjustment is accepted without a robust one."""
 
+LEFT_OUT_SIGMA_FACTOR = 3.0
+"""Factor of the sigmas of poses of a log that is wrong as a whole, where a photo was left out."""
+
 MOST_SHARED = 20
 """Largest number of unknowns that all photos share: camera, readout, ground, log and tapes."""
 
@@ -123,7 +126,9 @@ def _find_wrong_log(taking: Participants, best: Candidate) -> dict[str, float]:
     if len(wrong) < number or number < min(2, len(prior.frame_index)):
         return {}
     names = [taking.survey.frame_id[k] for k in prior.frame_index]
-    return dict.fromkeys(names, max(wrong.values()))
+    # The pose of a photo that was left out is worse than those of the others.
+    factor = max(wrong.values()) * (1.0 if number == len(names) else LEFT_OUT_SIGMA_FACTOR)
+    return dict.fromkeys(names, factor)
 
 
 def _mark_misplaced_photos(survey: Survey, refined: Refined) -> Refined:

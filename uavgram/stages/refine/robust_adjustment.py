@@ -571,20 +571,26 @@ def _find_frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[
 def _find_turned_frames(
     problem: SurveyProblem, minimum: Minimum[State], gross: Mapping[str, Bools]
 ) -> tuple[str, ...]:
-    """Find frames whose attitude contradicts the log, by much.
+    """Find frames whose attitude contradicts the log.
 
-    A photo that was rotated when it was picked, by 90 or 180 degrees, fits all of its picks, but
-    not the log.
+    A photo that was rotated when it was picked fits all of its picks, but not the log. Where only
+    poses of the log are gross errors, photos that are turned by less than 45 degrees were not:
+    their recorded directions are wrong.
     """
     telemetry, seeds = problem.survey.telemetry, problem.survey.seeds
     if telemetry is None or seeds is None or not gross["telemetry"].any():
         return ()
-    # Rotation angle against the log: cos(angle) = (trace - 1) / 2.
-    trace = np.einsum("fij,fij->f", seeds.world_from_camera, minimum.state.rotation)
-    is_turned = (trace - 1.0) / 2.0 < np.cos(MIN_TURN_RAD)
-    is_gross = np.zeros(len(is_turned), dtype=np.bool_)
-    is_gross[telemetry.frame_index[gross["telemetry"]]] = True
-    return _names_of_few(problem, is_turned & is_gross)
+    blocks = problem.evaluate(minimum.state)
+    assert blocks is not None  # noqa: S101  (the iterations ended there)
+    attitude = np.linalg.norm(blocks["telemetry"].residual[:, 3:], axis=1)
+    is_turned = np.zeros(len(problem.survey.frame_id), dtype=np.bool_)
+    turned = gross["telemetry"] & (attitude > GROSS_SIGMAS)
+    is_turned[telemetry.frame_index[turned]] = True
+    if sum(int(rows.sum()) for rows in gross.values()) == gross["telemetry"].sum():
+        # Rotation angle against the log: cos(angle) = (trace - 1) / 2.
+        trace = np.einsum("fij,fij->f", seeds.world_from_camera, minimum.state.rotation)
+        is_turned &= (trace - 1.0) / 2.0 < np.cos(MIN_TURN_RAD)
+    return _names_of_few(problem, is_turned)
 
 
 def _names_of_few(problem: SurveyProblem, is_bad: Bools) -> tuple[str, ...]:
