@@ -187,7 +187,10 @@ def test_no_point_is_placed_where_the_assumed_lens_folds_back(
         ({"model": "FC300X"}, r"comes from another camera \(DJI FC300X\) than a\.jpg"),
         ({"focal": (94, 10)}, r"another focal length or zoom \(9\.4, not 4\.7\) than a\.jpg"),
         ({"dji": {"DewarpFlag": "1"}}, r"differs by its DewarpFlag .* from a\.jpg"),
-        ({"make": "", "model": ""}, "names no camera, unlike the others: another program saved"),
+        (
+            {"make": "", "model": ""},
+            "does not state its camera, as the others do: another program saved it again",
+        ),
         ({"size": (300, 400)}, r"turned by 90 degrees \(300 x 400 px, the others 400 x 300\)"),
         ({"size": (200, 150)}, r"has another size \(200 x 150 px, the others 400 x 300\)"),
     ],

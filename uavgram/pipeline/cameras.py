@@ -199,8 +199,8 @@ def _difference(first: CameraTags, other: CameraTags) -> str:
         return size
     if first.camera_name and not other.camera_name:
         return (
-            "names no camera, unlike the others: another program saved it anew, and may have "
-            "turned or reduced it. Copy it from the camera once more"
+            "does not state its camera, as the others do: another program saved it again, and may "
+            "have turned or reduced it. Copy it from the camera once more"
         )
     if setting := _compare_settings(first, other):
         name = Path(first.path).name

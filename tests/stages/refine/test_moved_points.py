@@ -8,8 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scenes import INTRINSICS, Motion, cv_pixels, make_scene, show_moved
+from whole_surveys import all_of
 
-from uavgram.estimation.reliability.hypotheses import HypothesisTest
+from uavgram.estimation.reliability.hypotheses import (
+    HypothesisTest,
+    ObservationChange,
+    compare_hypotheses,
+    derive_picks_by_place,
+)
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import Noise, PickNoise
@@ -17,10 +23,11 @@ from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine import at_stated_noise, refine
 from uavgram.stages.refine.at_stated_noise import find_participants
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.moved_points import begin_search
 from uavgram.stages.refine.causes.trials import JudgedHypothesis, try_hypothesis
 from uavgram.stages.refine.cleaned_adjustment import Robust
 from uavgram.stages.refine.gross_errors import adjust_robustly
-from uavgram.stages.refine.minima import Participants
+from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.noise import report_noise
 from uavgram.stages.refine.robust_candidate import MISPLACED
 
@@ -53,6 +60,24 @@ def test_points_that_were_moved_together_are_named(
     assert shown.isdisjoint(moved.frames)
     assert refined.adjustment.variance_factor < 1.6
     assert not [one for one in messages if one.code in ("photo-elsewhere", "frame-left-out")]
+
+
+def test_the_joint_tests_of_motions_are_those_of_each_hypothesis() -> None:
+    scene = make_scene(3, frames=4, labels=12, lines=6)
+    survey = show_moved(scene, (9, 10, 11), (2, 3), (0.8, 0.4, 0.1))
+    adjustment = find_best_minima(all_of(survey)).adjustment
+    is_apart = np.array([False, False, True, True])
+    parts = begin_search(adjustment).divide(is_apart)
+    for labels in ([9], [9, 10], [10, 9, 11, 3]):
+        rows = np.flatnonzero(is_apart[survey.pick_frame] & np.isin(survey.pick_label, labels))
+        shifted = np.zeros((len(rows), 2, len(labels), 2))
+        column = [labels.index(k) for k in survey.pick_label[rows]]
+        along = derive_picks_by_place(adjustment, rows, np.eye(3)[:2])
+        shifted[np.arange(len(rows)), :, column] = along
+        change = ObservationChange("pixels", rows, shifted.reshape(len(rows), 2, -1))
+        (alone,) = compare_hypotheses(adjustment, [(change,)])
+        place = [int(np.flatnonzero(parts.label == k)[0]) for k in labels]
+        assert parts.compute_gains(np.array([place]))[0] == pytest.approx(alone.gain, rel=1e-5)
 
 
 def test_points_that_did_not_move_alike_were_not_moved_together() -> None:

@@ -22,6 +22,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.estimation.survey.unknowns import State, advance_state
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 
 MIN_RESIDUAL_SHARE = 0.01
@@ -134,11 +135,7 @@ def _test_hypothesis(
     score: Floats, plain: Floats, information: Floats, least: float
 ) -> HypothesisTest:
     """Compute the result of one hypothesis from C^T v, C^T C and R."""
-    # Scale the unknowns so that C^T C has a unit diagonal; the eigenvalues of R are then the shares
-    # that show in the residuals, and smaller ones than `least` are left out.
-    length = np.sqrt(np.maximum(plain.diagonal(), 0.0))
-    scale = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), 0.0)
-    share, axes = np.linalg.eigh(information * np.outer(scale, scale))
+    scale, share, axes = _find_directions(plain.diagonal(), information)
     checked = share > least
     along = axes[:, checked]
     inverse = scale[:, None] * along
@@ -148,6 +145,76 @@ def _test_hypothesis(
     covariance[loose, loose] = np.inf
     gain = float(np.sum((inverse.T @ score) ** 2 / share[checked]))
     return HypothesisTest(gain, int(checked.sum()), value, covariance)
+
+
+def compute_gains(
+    score: Floats, plain: Floats, information: Floats, least: float = MIN_RESIDUAL_SHARE
+) -> Floats:
+    """Compute the decreases (n,) of the sum of squares by n hypotheses of q unknowns each.
+
+    Parameters
+    ----------
+    score, plain, information
+        (n, q), (n, q), (n, q, q): C^T v, the diagonal of C^T C, and R (see `compare_hypotheses`).
+    least
+        Smallest share of a direction that has to show in the residuals.
+    """
+    scale, share, axes = _find_directions(plain, information)
+    along = np.einsum("nqk,nq->nk", axes, scale * score)
+    is_checked = share > least
+    gain = along**2 / np.where(is_checked, share, 1.0)
+    return np.asarray(np.sum(np.where(is_checked, gain, 0.0), axis=1))
+
+
+def _find_directions(plain: Floats, information: Floats) -> tuple[Floats, Floats, Floats]:
+    """Find the directions of unknowns, and the shares of them that show in the residuals.
+
+    Parameters
+    ----------
+    plain, information
+        (..., q), (..., q, q): diagonal of C^T C, and R.
+
+    Returns
+    -------
+    scale, share, axes
+        (..., q) factors by which C^T C gets a unit diagonal; (..., q) eigenvalues of R with these
+        units, which are the shares; and (..., q, q) its eigenvectors.
+    """
+    length = np.sqrt(np.maximum(plain, 0.0))
+    scale = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), 0.0)
+    share, axes = np.linalg.eigh(information * scale[..., :, None] * scale[..., None, :])
+    return scale, share, axes
+
+
+PLACE_STEP_M = 0.01
+"""Step [m] for the derivatives of picks by the places of their points."""
+
+
+def derive_picks_by_place(adjustment: Adjustment, rows: Ints, directions: Floats) -> Floats:
+    """Compute the derivatives (m, 2, q) of whitened picks by shifts of their points.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    rows
+        (m,) its picks.
+    directions
+        (q, 3) directions of the shifts: east, north, up.
+    """
+    survey, state = adjustment.survey, adjustment.state
+    frame = survey.pick_frame[rows]
+    world, _, _ = adjustment.problem.world_points(state, survey.pick_label[rows])
+    poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
+    lens, camera = adjustment.problem.intrinsics(state), survey.calibration
+    steps = PLACE_STEP_M * directions
+    differences = [
+        project_rows(camera, lens, poses, world + step)
+        - project_rows(camera, lens, poses, world - step)
+        for step in steps
+    ]
+    along = np.stack(differences, axis=-1) / (2.0 * PLACE_STEP_M)
+    return np.asarray(along / survey.pick_sigma_px[rows, None, None])
 
 
 def compute_log_probability(gain: float, unknowns: int, count: int = 1) -> float:

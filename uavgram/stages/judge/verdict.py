@@ -91,13 +91,19 @@ def find_unconfirmed_points(examined: TestedSurvey) -> set[str]:
     lengths = np.bincount(ends, minlength=len(survey.label))
     confirmed = {*np.flatnonzero(lengths > 1).tolist(), *survey.control_label.tolist()}
     confirmed |= {label for thing in adjustment.problem.known for label in thing.label}
+    is_out = ~np.isin(np.arange(len(survey.line_start)), used)
+    is_out &= ~np.isin(survey.line_name or [""] * len(is_out), sorted(refined.settled))
     left_out = {
-        label
-        for one in refined.left_out
-        if one.kind != "pixels" and one.name not in refined.settled
-        for label in one.labels
+        *survey.line_start[is_out].tolist(),
+        *survey.line_end[is_out].tolist(),
+        *adjustment.label_rows(
+            label
+            for one in refined.left_out
+            if one.kind in ("control", "known") and one.name not in refined.settled
+            for label in one.labels
+        ).tolist(),
     }
-    return left_out - {survey.label[k] for k in confirmed}
+    return {survey.label[k] for k in left_out - confirmed if k >= 0}
 
 
 def _change_without(group: TestedGroup, member: Member, solved: Floats) -> Floats:

@@ -360,8 +360,10 @@ def _are_all_left_out(given: Survey, robust: Robust, found: IdentifiedCauses) ->
 
 TURNED_FRAME = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
 WRONG_LABEL = LeftOut(LeftOutCause.GROSS, "it fits under another label of its photo")
-MOVED_POINT = LeftOut(LeftOutCause.GROSS, "its point was moved between the photos")
 """Reason why picks of a photo are wrong: all of them (`TURNED`), or some."""
+
+MOVED_POINT = LeftOut(LeftOutCause.GROSS, "its point was moved between the photos")
+"""Reason why picks that show a point elsewhere take no part."""
 
 
 def _leave_out_wrong_picks(

@@ -297,7 +297,7 @@ their own, up to which they may be exchanged."""
 
 
 def _find_exchanged(center: Floats, logged: Floats, strained: Sequence[int]) -> list[list[int]]:
-    """Find pairs of photos each of which is at the position that the log has for the other.
+    """Find pairs of photos that are at each other's recorded positions.
 
     Parameters
     ----------

@@ -170,7 +170,7 @@ def _height_words(result: Result, units: Units = METRIC) -> str:
 
 
 class CheckedReadings(NamedTuple):
-    """Used lengths of which not every misread decimetre would be noticed, as masks (L,).
+    """Masks (L,) of used lengths that may be misread by a decimetre without notice.
 
     Attributes
     ----------

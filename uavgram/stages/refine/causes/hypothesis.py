@@ -301,8 +301,8 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
 
 
 def name_moved(label: str) -> str:
-    """Return the name of the other place of a point that was moved."""
-    return f"{label} (moved)"
+    """Return the name of the other place of a point that was moved: no label has a semicolon."""
+    return f"{label}; moved"
 
 
 def _set_apart(survey: Survey, apart: frozenset[int]) -> Survey:

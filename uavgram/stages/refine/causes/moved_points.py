@@ -19,12 +19,12 @@ from scipy.special import chdtri, gammaln
 
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
-    ObservationChange,
-    compare_hypotheses,
+    compute_gains,
     compute_log_probability,
+    derive_picks_by_place,
 )
+from uavgram.estimation.solver.normal_equations import compute_gradient
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
-from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.naming import format_digits, join_names, join_photo_names
@@ -38,8 +38,8 @@ from uavgram.stages.refine.causes.hypothesis import (
 )
 from uavgram.stages.refine.minima import Patience, adjust_on_trial
 
-STEP_M = 0.01
-"""Step [m] for the derivatives of pixels by the place of a point."""
+LEAST_SHIFT_M = 0.01
+"""Shift [m] below which the direction of a motion is of no interest."""
 
 MOTION_SIZE = 3
 """Number of unknowns of a motion on the ground: a shift to the east and north, and a rotation."""
@@ -54,10 +54,13 @@ MOVED_LOG_ODDS = float(np.log(20.0))
 LEAST_DECREASE = 2.0 * GROSS_ERROR_LOG_ODDS
 """Decrease of the sum of squares that each point has to add to those that were moved."""
 
-MAX_PHOTOS, MAX_TESTED, MAX_BEGUN = 30, 12, 6
-"""Largest number of photos between which a motion is looked for; number of points, those that fit
-worst, that are tested to be moved with others; and number of these with which the selection begins.
-"""
+MAX_PHOTOS, MAX_PICKS = 30, 1000
+"""Largest number of photos between which a motion is looked for; and of picks of the points that
+fit worst, which are examined."""
+
+MAX_TESTED, MAX_BEGUN = 12, 6
+"""Number of points, the likeliest ones, that are tested to be moved with others; and number of
+these with which the selection begins."""
 
 MAX_COST_SHARE = 0.5
 """Share of the sum of squares that may remain with two places of each point that was moved."""
@@ -114,11 +117,12 @@ def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     count = len(adjustment.survey.frame_id)
     if not 1 < count <= MAX_PHOTOS:
         return
-    search = _Search(adjustment, _compute_derivatives(adjustment))
+    search = begin_search(adjustment)
     # Each photo alone, and all from each photo on. The first photo is always one of the others.
     alone, from_on = np.eye(count, dtype=np.bool_), np.triu(np.ones((count, count), dtype=np.bool_))
     parts = [*alone[1:], ~alone[0], *from_on[2:-1]] if count > 2 else [alone[1]]
-    found = [one for one in map(search.find_points, parts) if one is not None]
+    each = (search.divide(is_apart).find_points() for is_apart in parts)
+    found = [one for one in each if one is not None]
     found.sort(key=lambda one: -one.surplus)
     improved = {one.key: one for one in map(search.improve_photos, found[:MAX_PROPOSED])}
     goal = MAX_COST_SHARE * adjustment.minimum.cost
@@ -130,7 +134,7 @@ def propose_moved_points(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 
 
 def propose_moved_left_out(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose that points of which picks were left out were moved before those photos."""
+    """Propose that picks were left out because they show points that were moved."""
     survey, refined = diagnosis.survey, diagnosis.refined
     left = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
     label = np.intersect1d(survey.pick_label[left], survey.pick_label[refined.pick_index])
@@ -218,11 +222,10 @@ def _choose_by_motion(
             return []
         adjusted = refined.adjustment
         alike = _find_common_motion(adjusted, chosen)
-        ranked = _Search(adjusted, _compute_derivatives(adjusted)).rank_points(
-            np.isin(adjusted.survey.frame_id, list(photos))
-        )
-        likely = [k for k in ranked if ranked[k] > LEAST_DECREASE][:MAX_BEGUN]
-        others = [adjusted.survey.label[k] for k in likely]
+        parts = begin_search(adjusted).divide(np.isin(adjusted.survey.frame_id, list(photos)))
+        order, gains = parts.rank_points()
+        likely = parts.label[order[gains > LEAST_DECREASE][:MAX_BEGUN]]
+        others = [adjusted.survey.label[k] for k in likely.tolist()]
         if len(alike) < LEAST_MOVED or set(chosen) == {*alike, *others}:
             break
         chosen = [*alike, *others]
@@ -240,23 +243,6 @@ def _find_common_motion(adjustment: Adjustment, names: Sequence[str]) -> list[st
     return [pairs.names[k] for k in best]
 
 
-def _compute_derivatives(adjustment: Adjustment) -> Floats:
-    """Compute the derivatives (P, 2, 2) of the whitened picks by the points' east and north."""
-    survey, state = adjustment.survey, adjustment.state
-    frame = survey.pick_frame
-    world, _, _ = adjustment.problem.world_points(state, survey.pick_label)
-    poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
-    lens, camera = adjustment.problem.intrinsics(state), survey.calibration
-    steps = STEP_M * np.eye(3)[:2]
-    both = [
-        project_rows(camera, lens, poses, world + step)
-        - project_rows(camera, lens, poses, world - step)
-        for step in steps
-    ]
-    along = np.stack(both, axis=-1) / (2.0 * STEP_M) / survey.pick_sigma_px[:, None, None]
-    return np.nan_to_num(along)
-
-
 @dataclass(frozen=True, eq=False)
 class _Search:
     """Search for moved points, by stepwise selection in the linear model.
@@ -266,84 +252,147 @@ class _Search:
 
     Attributes
     ----------
-    adjustment
-        The survey with all points at one place each.
-    along
-        (P, 2, 2) derivatives of the picks by the places of their points.
+    label, frame
+        (P,) labels and photos of the picks of the points that fit worst.
+    score, information
+        (P, 2), (P, 2, P, 2): the test of a shift east and north of the point of each pick in that
+        pick alone (see `compare_hypotheses`); of several, their sums.
+    plain
+        (P, 2) squares of the derivatives of each pick.
     """
 
-    adjustment: Adjustment
-    along: Floats
+    label: Ints
+    frame: Ints
+    score: Floats
+    information: Floats
+    plain: Floats
 
-    def rank_points(self, is_apart: Bools) -> dict[int, float]:
-        """Rank the points in both parts of the (F,) photos by what a motion of each explains."""
-        survey, count = self.adjustment.survey, len(self.adjustment.survey.label)
-        there = is_apart[survey.pick_frame]
-        seen = [np.bincount(survey.pick_label[part], minlength=count) for part in (there, ~there)]
-        in_both = np.flatnonzero((seen[0] > 0) & (seen[1] > 0)).tolist()
-        gains = self._compute_gains([[label] for label in in_both], is_apart)
-        ranked = sorted(zip(in_both, gains, strict=True), key=lambda pair: -pair[1])
-        return dict(ranked)
-
-    def find_points(self, is_apart: Bools) -> _Moved | None:
-        """Find the points that are elsewhere in some (F,) photos; None for less than two."""
-        ranked = self.rank_points(is_apart)
-        likely = [*ranked]
-        # In a distorted scene the point that explains most may not be one of those that were moved.
-        begun = [label for label in likely if ranked[label] > LEAST_DECREASE][:MAX_BEGUN]
-        selected = (self._add_points([label], likely, is_apart) for label in begun)
-        found = filter(None, (self._drop_points(one, is_apart, len(likely)) for one in selected))
-        return max(found, key=lambda one: one.gain - LEAST_DECREASE * len(one.label), default=None)
+    def divide(self, is_apart: Bools) -> _Parts:
+        """Sum the tests of each point's picks in some (F,) photos, if others show it, too."""
+        there, count = is_apart[self.frame], int(self.label.max(initial=-1)) + 1
+        seen = [np.bincount(self.label[part], minlength=count) for part in (there, ~there)]
+        both = np.flatnonzero((seen[0] > 0) & (seen[1] > 0))
+        member = ((self.label == both[:, None]) & there).astype(np.float64)
+        half = np.tensordot(member, self.information, axes=(1, 0))
+        information = np.tensordot(half, member, axes=(2, 1)).transpose(0, 1, 3, 2)
+        return _Parts(is_apart, both, member @ self.score, information, member @ self.plain)
 
     def improve_photos(self, found: _Moved) -> _Moved:
         """Move photos between the two parts as long as that explains more."""
         while True:
             # The first photo stays, as the parts may as well be exchanged.
             turned = found.is_apart ^ np.eye(len(found.is_apart), dtype=np.bool_)[1:]
-            others = [one for one in map(self.find_points, turned) if one is not None]
+            each = (self.divide(one).find_points() for one in turned)
+            others = [one for one in each if one is not None]
             best = max(others, key=lambda one: one.surplus, default=found)
             if best.surplus <= found.surplus:
                 return found
             found = best
 
-    def _add_points(self, moved: list[int], likely: Sequence[int], is_apart: Bools) -> list[int]:
+
+def begin_search(adjustment: Adjustment) -> _Search:
+    """Compute the tests of all picks of the points that fit worst, in the linear model."""
+    survey, block = adjustment.survey, adjustment.minimum.blocks["pixels"]
+    misfit = np.bincount(
+        survey.pick_label, np.sum(block.residual**2, axis=1), minlength=len(survey.label)
+    )
+    picks = np.bincount(survey.pick_label, minlength=len(survey.label))
+    worst = np.argsort(-misfit, kind="stable")
+    chosen = worst[np.cumsum(picks[worst]) <= MAX_PICKS]
+    rows = np.flatnonzero(np.isin(survey.pick_label, chosen))
+    along = np.nan_to_num(derive_picks_by_place(adjustment, rows, np.eye(3)[:2]))
+    # A^T C, with two columns for each pick, and R = C^T C - C^T A N^-1 A^T C.
+    size, number = adjustment.problem.layout.size, 2 * len(rows)
+    right = np.zeros((size, number))
+    by_unknown = np.einsum("prq,prk->pkq", along, block.jacobian[rows])
+    columns = np.arange(number).reshape(-1, 1, 2)
+    np.add.at(right, (block.columns[rows][:, :, None], columns), by_unknown)
+    solved = adjustment.minimum.factor.solve(right)
+    information = -(right.T @ solved).reshape(len(rows), 2, len(rows), 2)
+    own = np.arange(len(rows))
+    squares = np.einsum("prq,prs->pqs", along, along)
+    information[own, :, own, :] += squares
+    gradient = compute_gradient(adjustment.minimum.blocks.values(), size)
+    score = np.einsum("prq,pr->pq", along, block.residual[rows])
+    score -= (solved.T @ gradient).reshape(-1, 2)
+    return _Search(
+        survey.pick_label[rows],
+        survey.pick_frame[rows],
+        score,
+        information,
+        np.einsum("pqq->pq", squares),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Points that two parts of the photos show, and the tests of their motions between these.
+
+    Attributes
+    ----------
+    is_apart
+        (F,) photos of one part.
+    label
+        (K,) points.
+    score, information, plain
+        (K, 2), (K, 2, K, 2), (K, 2): the tests, summed over the picks in that part.
+    """
+
+    is_apart: Bools
+    label: Ints
+    score: Floats
+    information: Floats
+    plain: Floats
+
+    def rank_points(self) -> tuple[Ints, Floats]:
+        """Rank the points (K,) by the decreases (K,) of the sum of squares by a motion of each."""
+        gains = self.compute_gains(np.arange(len(self.label))[:, None])
+        order = np.argsort(-gains, kind="stable")
+        return order, gains[order]
+
+    def find_points(self) -> _Moved | None:
+        """Find the points that were moved; None for less than two."""
+        order, gains = self.rank_points()
+        # In a distorted scene the point that explains most may not be one of those that were moved.
+        begun = order[gains > LEAST_DECREASE][:MAX_BEGUN]
+        selected = (self._add_points([first], order) for first in begun.tolist())
+        found = filter(None, map(self._drop_points, selected))
+        return max(found, key=lambda one: one.gain - LEAST_DECREASE * len(one.label), default=None)
+
+    def _add_points(self, moved: list[int], order: Ints) -> list[int]:
         """Add the point that explains most, until none explains much."""
-        (gain,) = self._compute_gains([moved], is_apart)
-        while 2 * len(moved) < len(likely):
-            others = [label for label in likely if label not in moved][:MAX_TESTED]
-            gains = self._compute_gains([[*moved, label] for label in others], is_apart)
+        (gain,) = self.compute_gains(np.array([moved]))
+        while 2 * len(moved) < len(order):
+            others = [k for k in order.tolist() if k not in moved][:MAX_TESTED]
+            gains = self.compute_gains(np.array([[*moved, k] for k in others]))
             best = int(np.argmax(gains))
             if gains[best] < gain + LEAST_DECREASE:
                 break
             moved, gain = [*moved, others[best]], gains[best]
         return moved
 
-    def _drop_points(self, moved: list[int], is_apart: Bools, choices: int) -> _Moved | None:
+    def _drop_points(self, moved: list[int]) -> _Moved | None:
         """Drop points that explain little once the others were selected."""
-        (gain,) = self._compute_gains([moved], is_apart)
+        (gain,) = self.compute_gains(np.array([moved]))
         while len(moved) >= LEAST_MOVED:
-            without = [[one for one in moved if one != label] for label in moved]
-            gains = self._compute_gains(without, is_apart)
+            without = [[one for one in moved if one != k] for k in moved]
+            gains = self.compute_gains(np.array(without))
             best = int(np.argmax(gains))
             if gains[best] < gain - LEAST_DECREASE:
-                return _Moved(tuple(moved), is_apart, gain, choices)
+                label = tuple(self.label[moved].tolist())
+                return _Moved(label, self.is_apart, float(gain), len(self.label))
             moved, gain = without[best], gains[best]
         return None
 
-    def _compute_gains(self, sets: Sequence[Sequence[int]], is_apart: Bools) -> list[float]:
-        """Compute the decrease of the sum of squares for each set of points that were moved."""
-        survey = self.adjustment.survey
-        there = is_apart[survey.pick_frame]
-        changes = []
-        for labels in sets:
-            rows = np.flatnonzero(there & np.isin(survey.pick_label, labels))
-            column = np.searchsorted(np.sort(labels), survey.pick_label[rows])
-            shifted = np.zeros((len(rows), 2, len(labels), 2))
-            shifted[np.arange(len(rows)), :, column] = self.along[rows]
-            changes.append(
-                (ObservationChange("pixels", rows, shifted.reshape(len(rows), 2, 2 * len(labels))),)
-            )
-        return [one.gain for one in compare_hypotheses(self.adjustment, changes)]
+    def compute_gains(self, sets: Ints) -> Floats:
+        """Compute the decrease of the sum of squares for each of n sets (n, m) of moved points."""
+        count, size = len(sets), 2 * sets.shape[1]
+        joint = self.information[sets[:, :, None], :, sets[:, None, :], :]
+        return compute_gains(
+            self.score[sets].reshape(count, size),
+            self.plain[sets].reshape(count, size),
+            joint.transpose(0, 1, 3, 2, 4).reshape(count, size, size),
+        )
 
 
 class _Places(NamedTuple):
@@ -451,7 +500,7 @@ def _moved_message(
     size = ""
     if found is not None and len(found.value) == MOTION_SIZE:
         shift_m = float(np.linalg.norm(found.value[:2]))
-        toward = found.value[:2] / max(shift_m, STEP_M)
+        toward = found.value[:2] / max(shift_m, LEAST_SHIFT_M)
         sigma_m = float(np.sqrt(toward @ found.covariance[:2, :2] @ toward))
         degrees = np.degrees(found.value[2])
         size = f" by {shift_m:.2f} ± {format_digits(sigma_m, 1)} m and {abs(degrees):.0f} degrees"

@@ -12,9 +12,10 @@ from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,
     compare_hypotheses,
+    derive_picks_by_place,
 )
-from uavgram.geometry.ground.row_projection import RowPoses, project_rows
-from uavgram.model.arrays import Floats, Ints
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.naming import join_names
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
@@ -22,9 +23,6 @@ from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagno
 from uavgram.stages.refine.causes.stray_picks import STRAY_DECREASE, find_stray_picks, labels_of
 from uavgram.stages.refine.off_ground import off_ground_message
 from uavgram.stages.refine.robust_candidate import OFF_GROUND_M
-
-STEP_M = 0.01
-"""Height step [m] for the derivatives of the pixels of a point."""
 
 MAX_LABELS = 300
 """Largest number of labels whose heights are tested."""
@@ -49,7 +47,7 @@ def propose_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     asked = label[(picks[label] >= MIN_PICKS) & ~adjustment.survey.off_ground[label]]
     if not len(asked):
         return
-    moved = {int(k): height_derivative(diagnosis, int(k)) for k in asked[:MAX_LABELS]}
+    moved = {int(k): _raise_point(adjustment, int(k)) for k in asked[:MAX_LABELS]}
     found = compare_hypotheses(adjustment, [(one,) for one in moved.values()])
     height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
     index = {int(a): k for k, a in enumerate(at) if a >= 0}
@@ -114,21 +112,10 @@ def _stray_rows(diagnosis: Diagnosis) -> Ints:
     return row[found.pick[found.taking & (found.fall > STRAY_DECREASE)]]
 
 
-def height_derivative(diagnosis: Diagnosis, label: int) -> ObservationChange:
-    """Compute the derivative of the picks of a label of the adjustment by its height [m]."""
-    adjustment = diagnosis.adjustment
-    survey, state = adjustment.survey, adjustment.state
-    rows = np.flatnonzero(survey.pick_label == label)
-    frame = survey.pick_frame[rows]
-    world, _, _ = adjustment.problem.world_points(state, survey.pick_label[rows])
-    poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
-    lens, camera = adjustment.problem.intrinsics(state), survey.calibration
-
-    def at(height_m: float) -> Floats:
-        return project_rows(camera, lens, poses, world + np.array([0.0, 0.0, height_m]))
-
-    along = (at(STEP_M) - at(-STEP_M)) / (2.0 * STEP_M) / survey.pick_sigma_px[rows, None]
-    return ObservationChange("pixels", rows, along[..., None])
+def _raise_point(adjustment: Adjustment, label: int) -> ObservationChange:
+    """Return the effect of the height [m] of a label of the adjustment on its picks."""
+    rows = np.flatnonzero(adjustment.survey.pick_label == label)
+    return ObservationChange("pixels", rows, derive_picks_by_place(adjustment, rows, np.eye(3)[2:]))
 
 
 def _height_message(label: str, photos: int, found: HypothesisTest | None) -> Message:
