@@ -27,7 +27,7 @@ from uavgram.estimation.solver.normal_equations import compute_gradient
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message
-from uavgram.model.naming import format_digits, join_names, join_photo_names
+from uavgram.model.naming import join_names, join_photo_names
 from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
@@ -160,10 +160,11 @@ def _propose(
     gain
         Expected decrease of the sum of squares.
     """
+    survey = diagnosis.survey
     names = _choose_by_motion(diagnosis, names, photos, goal)
     if len(names) < LEAST_MOVED:
         return
-    survey = diagnosis.survey
+    names.sort(key=survey.row_of_label.__getitem__)
     fewer, more = _divide_picks(diagnosis, names, photos)
     if len(fewer) < LEAST_PICKS:
         return
@@ -503,7 +504,7 @@ def _moved_message(
         toward = found.value[:2] / max(shift_m, LEAST_SHIFT_M)
         sigma_m = float(np.sqrt(toward @ found.covariance[:2, :2] @ toward))
         degrees = np.degrees(found.value[2])
-        size = f" by {shift_m:.2f} ± {format_digits(sigma_m, 1)} m and {abs(degrees):.0f} degrees"
+        size = f" by {shift_m:.2f} ± {sigma_m:.2f} m and {abs(degrees):.0f} degrees"
     return Message(
         "warning",
         "points-moved",
