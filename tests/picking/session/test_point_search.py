@@ -390,6 +390,22 @@ def test_what_is_taken_back_is_searched_again(start: Start) -> None:
     assert search(seeker, state("A")) == before
 
 
+def test_a_refusal_taken_back_during_a_search_stays_taken_back(start: Start) -> None:
+    world = World()
+    seeker, _ = start(world)
+    search(seeker, state("A"))
+    pair = ("2.jpg", "A")
+    seeker.proposed.refuse([pair])
+    world.go_on.clear()
+    world.begun.clear()
+    seeker.submit(SearchInput(state("A", "B"), LAST, is_adjusted=True, version=7))
+    world.begun.wait(LONGEST_WAIT_S)  # it began with the refusal
+    seeker.proposed.reopen([pair])
+    world.go_on.set()
+    until(lambda: seeker.proposed.searched == 7)
+    assert search(seeker, state("A", "B"))[pair].found is not None
+
+
 def test_a_fault_of_the_search_ends_it(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     seeker, _ = start(World())
     monkeypatch.setattr(module, "search_places", lambda *_: 1 / 0)

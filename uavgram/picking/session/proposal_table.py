@@ -46,7 +46,9 @@ class ProposalTable:
         gone: Collection[Pair] = (),
         searched: int | None = None,
     ) -> None:
-        """Store new outcomes; refused ones stay refused.
+        """Store new outcomes; only a person refuses, and takes a refusal back.
+
+        A search that began before either of them ends with the outcomes that it began with.
 
         Parameters
         ----------
@@ -59,8 +61,12 @@ class ProposalTable:
         """
         with self._changed:
             over = {pair for pair, one in self._outcomes.items() if one.is_over}
-            changed = {pair: one for pair, one in new.items() if self._outcomes.get(pair) != one}
-            self._outcomes |= {pair: one for pair, one in changed.items() if pair not in over}
+            changed = {
+                pair: one
+                for pair, one in new.items()
+                if not one.is_over and pair not in over and self._outcomes.get(pair) != one
+            }
+            self._outcomes |= changed
             lost = [pair for pair in gone if pair in self._outcomes and pair not in over]
             for pair in lost:
                 del self._outcomes[pair]
