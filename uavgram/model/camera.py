@@ -273,6 +273,10 @@ def parameter_names(model: LensModel, count: int) -> tuple[str, ...]:
     return (PARAMETER_NAMES[model] + _RATIONAL_NAMES)[:count]
 
 
+POOR_FOCAL_SIGMA = 0.05
+"""Relative sigma of the focal length above which a camera is poorly known."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
     """Interior orientation of a camera with its covariance.
@@ -313,6 +317,11 @@ class Calibration:
             )
         if min(self.parameters[:2]) <= 0:
             raise ValueError(f"fx and fy must be positive, got {self.parameters[:2].tolist()}")
+
+    @property
+    def is_poorly_known(self) -> bool:
+        """Whether the focal length is so uncertain that it changes with heights and tilts."""
+        return bool(np.sqrt(self.covariance[0, 0]) > POOR_FOCAL_SIGMA * self.parameters[0])
 
     @property
     def correlation(self) -> Floats:

@@ -267,6 +267,21 @@ def valley(length: float) -> Callable[[Floats], dict[str, Block]]:
     return evaluate
 
 
+def test_a_bent_valley_is_followed_in_few_steps() -> None:
+    """Rosenbrock's valley, a hundred times as steep: 253 straight steps, 15 bent ones."""
+
+    def evaluate(b: Floats) -> dict[str, Block]:
+        residual = np.array([1e3 * (b[1] - b[0] ** 2), 1.0 - b[0]])
+        slope = np.array([[-2e3 * b[0], 1e3], [-1.0, 0.0]])
+        return {"one": Block(residual[:, None], np.tile([0, 1], (2, 1)), slope[:, None, :])}
+
+    found = minimise(
+        np.array([-1.2, 1.0]), evaluate, lambda b, step: b + step, 2, most=40, bends=True
+    )
+    assert found.converged
+    np.testing.assert_allclose(found.state, 1.0, atol=1e-4)
+
+
 @pytest.mark.parametrize(("length", "is_done"), [(0.05, True), (20.0, False)])
 def test_the_end_of_a_winding_valley_is_reached_where_hardly_anything_is_left(
     length: float, *, is_done: bool

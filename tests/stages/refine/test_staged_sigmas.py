@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import Scene
 
-from uavgram.estimation.first_poses import known_frames
-from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
 from uavgram.io.cameras import read_drone_cameras
@@ -20,9 +18,7 @@ from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import assemble
 from uavgram.stages.camera import assume_camera
-from uavgram.stages.refine import minima, staged_sigmas
 from uavgram.stages.refine.minima import Participants, find_best_minima
-from uavgram.stages.refine.staged_sigmas import approach_minimum, max_iterations
 
 TOO_WIDE = 22.0 / 25.9
 """A camera of 22 mm in the place of an ordinary one; the twins have 26 mm."""
@@ -68,35 +64,3 @@ def test_a_wrong_focal_length_leads_to_the_same_minimum(
     assert other.converged
     # But for the focal length's own prior, at most a few sigmas squared.
     assert other.cost == pytest.approx(right.cost, abs=4)
-
-
-def test_without_soft_picks_first_it_would_not(
-    strip: Callable[..., Survey], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """From poses as the homographies give them, and once: better ones lie near enough."""
-    monkeypatch.setattr(staged_sigmas, "SIGMA_FACTORS", ())
-    monkeypatch.setattr(known_frames, "refine_pose", lambda *_: None)
-    monkeypatch.setattr(minima, "MAX_RETRIES", 0)
-    lost = adjusted(strip(TOO_WIDE))
-
-    assert not lost.converged
-    assert lost.iterations == max_iterations(strip().calibration) > MAX_ITERATIONS
-
-
-def test_a_camera_that_is_known_or_a_log_leaves_first_values_and_iterations_as_they_are(
-    scene_factory: Callable[..., Scene],
-) -> None:
-    scene = scene_factory(1)
-    used = np.ones(len(scene.survey.line_start), bool)
-    no_log = scene_factory(1, telemetry=False, gauge="plane")
-    poor = np.array(scene.survey.calibration.covariance)
-    poor[0, 0] = poor[1, 1] = (0.2 * scene.survey.calibration.parameters[0]) ** 2
-    camera = replace(scene.survey.calibration, covariance=poor)
-
-    assert approach_minimum(no_log.survey, no_log.truth, no_log.pivot, used) is no_log.truth
-    with_log = replace(scene.survey, calibration=camera)
-    assert approach_minimum(with_log, scene.truth, scene.pivot, used) is scene.truth
-    assert max_iterations(scene.survey.calibration) == MAX_ITERATIONS
-    softened = replace(no_log.survey, calibration=camera)
-    assert approach_minimum(softened, no_log.truth, no_log.pivot, used) is not no_log.truth
-    assert max_iterations(camera) > MAX_ITERATIONS

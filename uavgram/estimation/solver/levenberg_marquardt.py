@@ -9,12 +9,18 @@ kept.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from dataclasses import dataclass, replace
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
-from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, compute_cost
+from uavgram.estimation.solver.normal_equations import (
+    Block,
+    Factor,
+    NormalEquations,
+    compute_cost,
+    compute_gradient,
+)
 from uavgram.estimation.solver.sparse.block_matrix import Structure
 from uavgram.model.arrays import Floats
 from uavgram.model.work import report_work
@@ -74,8 +80,16 @@ has to be in reach: iterations take larger steps first, and converge quadratical
 STEP_FRACTIONS = tuple(0.5**k for k in range(8))
 """Fractions of a step along which the minimum is searched where the linear model does not hold."""
 
+BEND_SHARE, MAX_BEND = 0.1, 0.75
+"""Share of a step from which its acceleration is computed, and the largest ratio of twice the bend
+to the step that is tried (Transtrum and Sethna 2012)."""
+
 MAX_ITERATIONS = 80
 MAX_DAMPING = 1e12
+
+
+_Tried: TypeAlias = tuple[State, dict[str, Block] | None, float]
+"""State, residuals and sum of squares of a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +116,7 @@ class Minimum(Generic[State]):
     converged: bool
 
 
-def minimise(
+def minimise(  # noqa: PLR0913  (settings of one algorithm)
     state: State,
     evaluate: Callable[[State], dict[str, Block] | None],
     update: Callable[[State, Floats], State],
@@ -112,6 +126,8 @@ def minimise(
     at_rest: float = MIN_REDUCTION,
     slack: float = 0.0,
     goal: float = np.inf,
+    *,
+    bends: bool = False,
 ) -> Minimum[State]:
     """Minimise a sum of squared whitened residuals.
 
@@ -138,6 +154,9 @@ def minimise(
     goal
         Sum of squares above which the result is of no use: the iteration ends where it is out of
         reach (`PACE_STEPS`).
+    bends
+        Whether steps follow a bent valley from the first refused one on. Where gross errors take
+        part, straight steps leave first values less.
 
     Returns
     -------
@@ -156,7 +175,9 @@ def minimise(
     Marquardt 1963 (scaling of the damping by the diagonal); Nielsen 1999, "Damping parameter in
     Marquardt's method", IMM-REP-1999-05, eq. 2.5 (the damping's own update). Ortega and Rheinboldt
     1970, "Iterative solution of nonlinear equations in several variables", ch. 7 (one factor for
-    several steps).
+    several steps). Transtrum and Sethna 2012, "Improvements to the Levenberg-Marquardt algorithm
+    for nonlinear least-squares minimization", arXiv:1201.5885, sec. 3 (steps along a bent valley,
+    from the first refused one on).
     """
     blocks = evaluate(state)
     if blocks is None:
@@ -167,7 +188,7 @@ def minimise(
     refused = MAX_REFUSED_REDUCTION_EACH * size * min(1.0, at_rest / MIN_REDUCTION)
     limit = max(at_rest, MAX_UNDAMPED_REDUCTION * max(1.0, size / LARGE_SYSTEM))
     while True:
-        now.descend(most, max(at_rest, MIN_REDUCTION_EACH * size), refused)
+        now.descend(most, max(at_rest, MIN_REDUCTION_EACH * size), refused, bends=bends)
         factor = now.normal.factor(slack)
         # Newton's decrement without damping: reduction to the minimum of the linear model.
         step = -factor.solve(now.normal.gradient)
@@ -209,19 +230,45 @@ class _Iteration(Generic[State]):
     halfway: float = np.inf
     is_hopeless: bool = False
 
-    def _try(self, step: Floats) -> tuple[State, dict[str, Block] | None, float]:
+    def _try(self, step: Floats, _: Factor | None = None) -> _Tried[State]:
         """Evaluate a step: state, residuals, and the sum of squares (infinite if impossible)."""
         state = self.update(self.state, step)
         blocks = self.evaluate(state)
         cost = np.inf if blocks is None else compute_cost(blocks.values())
         return state, blocks, np.inf if np.isnan(cost) else cost
 
+    def _try_bent(self, step: Floats, factor: Factor) -> _Tried[State]:
+        """Evaluate a step bent along the valley; the straight one where the bend is too large."""
+        bend = self._find_bend(step, factor)
+        return self._try(step if bend is None else step + bend)
+
+    def _find_bend(self, step: Floats, factor: Factor) -> Floats | None:
+        """Find half the acceleration of the residuals' curve along a step; None if it is too large.
+
+        The second derivative of the residuals along the step is that of a short part of it:
+        r'' = 2 / h ((r(h) - r) / h - J step).
+        """
+        short = self.evaluate(self.update(self.state, BEND_SHARE * step))
+        if short is None:
+            return None
+        curved = [
+            replace(
+                block,
+                residual=(short[name].residual - block.residual) / BEND_SHARE
+                - block.times(slice(None), step[:, None])[..., 0],
+            )
+            for name, block in self.blocks.items()
+        ]
+        bend = -factor.solve(compute_gradient(curved, self.size)) / BEND_SHARE
+        scale = self.normal.normal.diagonal()
+        return bend if 4.0 * (bend**2 @ scale) <= MAX_BEND**2 * (step**2 @ scale) else None
+
     def _move(self, state: State, blocks: dict[str, Block], cost: float) -> None:
         self.state, self.blocks, self.cost = state, blocks, cost
         plan = self.normal.plan
         self.normal = NormalEquations(list(blocks.values()), self.size, self.structure, plan)
 
-    def descend(self, most: int, at_rest: float, refused: float) -> None:
+    def descend(self, most: int, at_rest: float, refused: float, *, bends: bool) -> None:
         """Take damped steps until the predicted reduction is small.
 
         Parameters
@@ -232,10 +279,12 @@ class _Iteration(Generic[State]):
             Predicted reduction below which the iteration ends.
         refused
             Likewise, where a step hardly reduces the sum of squares.
+        bends
+            Whether steps follow a bent valley.
         """
         damping, growth = 1e-9, 2.0
         factor: Factor | None = None
-        before = np.inf
+        before, is_bent = np.inf, False
         while self.count < most:
             report_work()
             if self.count == most // 2:
@@ -251,7 +300,8 @@ class _Iteration(Generic[State]):
             self.is_hopeless = self.cost - left * predicted > self.goal
             if self.is_hopeless:
                 break
-            state, blocks, cost = self._try(step)
+            try_step = self._try_bent if is_bent else self._try
+            state, blocks, cost = try_step(step, factor)
             # Gain ratio: actual over predicted reduction.
             gain = (self.cost - cost) / predicted
             if blocks is not None and gain > 0:
@@ -260,6 +310,7 @@ class _Iteration(Generic[State]):
                 damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
                 growth = 2.0
             elif fresh:
+                is_bent = bends
                 damping, growth = damping * growth, 2.0 * growth
                 # With less damping than that the same step would be refused again, each time at
                 # the cost of a factorisation.
@@ -269,12 +320,13 @@ class _Iteration(Generic[State]):
                 break
             crawls = not fresh and predicted > MAX_REDUCTION_RATIO * before
             # Keep the factor only near the minimum, while its steps achieve the predicted
-            # reduction.
+            # reduction; never along a bent valley.
             if (
                 predicted > MAX_REUSE_REDUCTION * self.size
                 or gain < MIN_ACHIEVED_SHARE
                 or damping > MAX_REUSE_DAMPING
                 or crawls
+                or is_bent
             ):
                 factor = None
             before = predicted

@@ -15,7 +15,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.first_values import FirstValues, add_first_ties
 from uavgram.estimation.first_poses.known_frames import align_in_plane
 from uavgram.estimation.measuring.scale import describe_line_faults
-from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.ground_planes import compute_area_centroids, make_first_planes
@@ -37,7 +37,7 @@ from uavgram.stages.refine.first_values import (
     find_other_first_values,
     find_unusable_picks,
 )
-from uavgram.stages.refine.staged_sigmas import DAMPING, approach_minimum, iterate, max_iterations
+from uavgram.stages.refine.staged_sigmas import DAMPING, approach_minimum, iterate
 
 
 class UndeterminedError(GeometryError):
@@ -153,7 +153,7 @@ class Participants:
 
 
 class Patience(NamedTuple):
-    """Largest numbers of iterations; None: as many as such a survey may need.
+    """Largest numbers of iterations.
 
     Attributes
     ----------
@@ -167,8 +167,8 @@ class Patience(NamedTuple):
         Cost above which a robust adjustment that begins at the result is of no use.
     """
 
-    single: int | None = None
-    several: int | None = None
+    single: int = MAX_ITERATIONS
+    several: int = MAX_ITERATIONS
     goal: float = np.inf
     limit: float = np.inf
 
@@ -392,8 +392,6 @@ def _find_minima(
 ) -> list[Adjustment]:
     """Find the best minimum, and every other one that explains the observations nearly as well."""
     most = patience.several if len(starts) > 1 else patience.single
-    if most is None:
-        most = max_iterations(survey.calibration)
     found, loose, goal = [], [], patience.goal
     undetermined: GeometryError | None = None
     for values in starts:

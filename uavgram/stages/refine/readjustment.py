@@ -19,7 +19,7 @@ from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Survey
-from uavgram.stages.refine.staged_sigmas import iterate, max_iterations
+from uavgram.stages.refine.staged_sigmas import iterate
 
 
 def readjust(adjustment: Adjustment, survey: Survey) -> Adjustment:
@@ -32,7 +32,7 @@ def readjust(adjustment: Adjustment, survey: Survey) -> Adjustment:
     """
     problem = SurveyProblem(survey, adjustment.problem.pivot_m, find_used_lines(adjustment))
     start = convert_state(adjustment, problem)
-    minimum = iterate(problem, start, max_iterations(survey.calibration))
+    minimum = iterate(problem, start)
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 

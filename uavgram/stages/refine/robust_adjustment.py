@@ -396,6 +396,7 @@ def minimise_weighted_cost(
         at_rest=MIN_REDUCTION,
         slack=DAMPING,
         goal=goal,
+        bends=problem.survey.calibration.is_poorly_known,
     )
 
 

@@ -33,7 +33,7 @@ from uavgram.stages.refine.off_ground import (
 )
 from uavgram.stages.refine.readjustment import find_used_lines
 from uavgram.stages.refine.rolling_shutter import is_shutter_needed, is_shutter_unknown
-from uavgram.stages.refine.staged_sigmas import iterate, max_iterations
+from uavgram.stages.refine.staged_sigmas import iterate
 
 SIGMA_FACTOR = 10.0
 """Factor of the sigmas of picks and lengths while matches and ties are tested."""
@@ -211,7 +211,7 @@ def _readjust_without(adjustment: Adjustment, out: Bools) -> Adjustment:
         tie=state.tie[points, :size],
         turning=state.turning[:, :rates],
     )
-    minimum = iterate(problem, start, max_iterations(survey.calibration))
+    minimum = iterate(problem, start)
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from uavgram.estimation.first_poses.resection import MIN_PICKS, sight_adjusted_points
 from uavgram.estimation.reliability.redundancy import compute_core_fit
-from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -133,7 +132,7 @@ def readjust_corrected(
     goal
         Sum of squares above which a result is of no use.
     """
-    most = Patience(MAX_ITERATIONS, MAX_ITERATIONS, goal)
+    most = Patience(goal=goal)
     present = diagnosis.adjustment
     survey = remove_known(widen_poses(taking.survey, taking.pose_widened), taking.known_removed)
     selection = select_picks(survey, taking.keep)
