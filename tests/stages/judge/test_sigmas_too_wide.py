@@ -30,7 +30,8 @@ def test_sigmas_far_too_wide_are_told() -> None:
 
 def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
     (message,) = order_messages(
-        _report_misfit(Pixels.kind, 3.0, 1e-7), _report_misfit(Lengths.kind, 2.0, 1e-4)
+        _report_misfit(Pixels.kind, Pixels.kind.check, 3.0, 1e-7),
+        _report_misfit(Lengths.kind, Lengths.kind.check, 2.0, 1e-4),
     )
 
     assert message.text == (

@@ -155,7 +155,7 @@ def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
     why = ", and no single cause explains it all"
     look = (
         "check the observations that the other messages name, the labels, the unit of the lengths, "
-        "the camera file and whether the ground is plane"
+        "the camera and whether the ground is plane"
     )
     text = (
         f"Picks, lengths and ground {what}{why}. Do not {verb} the numbers before it is cleared "
@@ -191,7 +191,12 @@ def judge_groups(
     if adjustment.minimum.converged:
         misfits = _select_misfits(groups, significance)
         messages += [
-            _report_misfit(get_kind(one.name), one.variance_factor, one.probability)
+            _report_misfit(
+                get_kind(one.name),
+                adjustment.problem.observations[one.name].check(),
+                one.variance_factor,
+                one.probability,
+            )
             for one in misfits
             if one.name not in suspected
         ]
@@ -220,8 +225,8 @@ def _compute_factors(adjustment: Adjustment) -> list[GroupFactor]:
     return groups
 
 
-def _report_misfit(kind: Kind, factor: float, probability: float) -> Message:
-    what, cause = kind.plural, kind.check
+def _report_misfit(kind: Kind, cause: str, factor: float, probability: float) -> Message:
+    what = kind.plural
     how = (
         f"their errors are {format_digits(factor**0.5)} times as large as stated; chance alone "
         f"does this {format_odds(probability)} times"

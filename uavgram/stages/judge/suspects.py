@@ -155,7 +155,7 @@ def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
     if len(examined.suspicions) >= MAX_SUSPECTS:
         text = (
             f"{MAX_SUSPECTS} picks and lengths or more do not fit; the first {MAX_SUSPECTS} are "
-            "named. Something common to them is wrong: look at labels, the camera file, the "
+            "named. Something common to them is wrong: look at labels, the camera, the "
             "ground, times."
         )
         messages.append(Message("warning", "many-suspects", text))
@@ -215,7 +215,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         observation.kind.misfit_code,
         " ".join([text, *others]),
         **names.subjects(accused),
-        several=MessagePlural(observation.several(), item, ending=observation.kind.advice),
+        several=MessagePlural(observation.several(), item, ending=observation.advice()),
         mend=remedies[0],
         instead=tuple(one for one in remedies[1:] if one is not None),
     )

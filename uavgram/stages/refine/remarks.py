@@ -386,7 +386,7 @@ def too_many_message(removed: int) -> Message:
     text = (
         f"{removed} picks and lengths were taken out and still others do not fit, so that was "
         "stopped: do not use these numbers. Something common to them is wrong: look at labels, "
-        "the camera file, the ground, times."
+        "the camera, the ground, times."
     )
     return Message("error", "too-many-blunders", text)
 

@@ -11,6 +11,7 @@ from uavgram.estimation.survey.observations.observation import (
     ErrorSource,
     Kind,
     Member,
+    Misfit,
     Observation,
     get_unit,
 )
@@ -32,6 +33,13 @@ ROLLING_SHUTTER = ErrorSource(
 )
 
 
+UNKNOWN_CAMERA_CHECK = (
+    "the reading, the unit and the ends of each length first, then whether the photos were zoomed "
+    "or cropped; a calibrated camera decides"
+)
+"""Advice where the photos fit no ordinary camera: a wrong length is the likelier reason."""
+
+
 class Calibration(Observation):
     """Interior orientation, in independent combinations of its parameters."""
 
@@ -39,7 +47,7 @@ class Calibration(Observation):
         "calibration",
         LENS,
         "lens calibration",
-        plural="values of the camera file",
+        plural="values of the camera",
         check="its focus, zoom and resolution, and its stated errors",
         is_core=True,
     )
@@ -77,10 +85,32 @@ class Calibration(Observation):
         camera = self.problem.survey.calibration
         return parameter_names(camera.model, len(camera.parameters))[member.axis]
 
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a misfit; that of a guess of the program is no wrong value of the project."""
+        text, what = super().misfit(found)
+        if self.problem.survey.calibration.is_unknown:
+            text = (
+                f"Picks and lengths fit only another camera than an ordinary drone's: {what}. "
+                f"{self.advice()}"
+            )
+        return text, what
+
+    def advice(self) -> str:
+        """Return the advice on misfits, as a sentence."""
+        if self.problem.survey.calibration.is_unknown:
+            return f"Look at {UNKNOWN_CAMERA_CHECK}."
+        return super().advice()
+
+    def check(self) -> str:
+        """Return what to look at where the camera does not fit."""
+        if self.problem.survey.calibration.is_unknown:
+            return UNKNOWN_CAMERA_CHECK
+        return super().check()
+
     def suspect(self, member: Member) -> str:
-        """Return the whole file: its parameters are correlated, and are checked together."""
+        """Return the whole camera: its parameters are correlated, and are checked together."""
         del member
-        return "camera file"
+        return "camera"
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Return pixels, or no unit."""

@@ -293,6 +293,14 @@ class Observation:
             return "{count} values in the project do not fit the picks, lengths and log"
         return f"{{count}} {what} do not fit"
 
+    def advice(self) -> str:
+        """Return the advice on misfits, as a sentence."""
+        return self.kind.advice
+
+    def check(self) -> str:
+        """Return what to look at where the whole kind does not fit; empty without advice."""
+        return self.kind.check
+
     def remedy(self, row: int) -> Remedy | None:
         """Return the remedy; None if only a person can find it."""
         del row

@@ -273,7 +273,7 @@ def _report_other_zoom(frame: str, factor: float, _: HypothesisTest | None) -> M
     text = (
         f"The photo {frame!r} was taken at another zoom, or with another camera, than the others: "
         "take it out, or give photos of each camera a project of their own. It fits where its "
-        f"focal length is {factor:.2f} times that of the camera file."
+        f"focal length is {factor:.2f} times the stated one."
     )
     return Message(
         "warning",
@@ -310,7 +310,7 @@ FIRST_DISTORTION_INDEX = 4
 """First coefficient of the distortion among the parameters of a camera."""
 
 ZOOM_SIGMA, CENTRE_SIGMA, LENS_SIGMA = 0.4, 0.1, 0.2
-"""Prior sigmas of a useless camera file: of the factor of both focal lengths, of the principal
+"""Prior sigmas of another camera: of the factor of both focal lengths, of the principal
 point as a share of the photo's width, and of the first two coefficients of the distortion."""
 
 LARGEST_ZOOM = 4.0
@@ -321,19 +321,19 @@ MIN_SHARE_OF_CAMERA = 1e-5
 
 
 def propose_other_zoom_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose another focal length than in the camera file, or picks in smaller copies."""
+    """Propose another focal length than the stated one, or picks in smaller copies."""
     yield from _propose_camera(diagnosis, zoom_direction, other_zoom_message)
     if _find_reach(diagnosis.survey, np.flatnonzero(diagnosis.taking.keep)) < LARGEST_COPY:
         yield from _propose_camera(diagnosis, _size_direction, _other_size_message)
 
 
 def propose_other_camera_file(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose another focal length and principal point than in the camera file."""
+    """Propose another focal length and principal point than the stated ones."""
     yield from _propose_camera(diagnosis, _frame_directions, _other_camera_message)
 
 
 def propose_other_lens(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
-    """Propose another focal length and distortion than in the camera file."""
+    """Propose another focal length and distortion than the stated ones."""
     yield from _propose_camera(diagnosis, _lens_directions, _other_lens_message)
 
 
@@ -467,7 +467,7 @@ def zoom_message(name: str, stated_px: float, factor: float, sigma: float) -> Me
         Estimated factor of the focal length, and its sigma.
     """
     text = (
-        f"These photos were taken at another zoom than the camera file {name!r} describes: its "
+        f"These photos were taken at another zoom than is stated for the camera {name!r}: its "
         f"focal length would be {factor * stated_px:.0f} ± {sigma * stated_px:.0f} px, "
         f"{stated_px:.0f} px is stated. Look at zoom, focus and size of the "
         "photos, and calibrate the camera as it was used."
@@ -486,7 +486,7 @@ def _other_size_message(survey: Survey, found: HypothesisTest | None) -> Message
     assert found is not None  # noqa: S101
     text = (
         f"The photos seem to be picked in copies of {_describe_zoom(found)} times their size: "
-        f"focal length and principal point of the camera file {survey.calibration.name!r} are of "
+        f"focal length and principal point of the camera {survey.calibration.name!r} are of "
         "another size of photo. Pick in the original photos, or calibrate with photos of this size."
     )
     return Message("warning", "camera-contradicted", text)
@@ -495,8 +495,8 @@ def _other_size_message(survey: Survey, found: HypothesisTest | None) -> Message
 def _other_lens_message(survey: Survey, _: HypothesisTest | None) -> Message:
     """Report the distortion of another lens."""
     text = (
-        f"The camera file {survey.calibration.name!r} does not belong to these photos: they fit "
-        "with the distortion of another lens. Check whether it is the file of this camera, and "
+        f"The values of the camera {survey.calibration.name!r} do not belong to these photos: they "
+        "fit with the distortion of another lens. Check whether they are of this camera, and "
         "whether the photos were corrected already; calibrate the camera as it was used."
     )
     return Message("warning", "camera-contradicted", text)
@@ -519,7 +519,7 @@ def _other_camera_message(survey: Survey, found: HypothesisTest | None) -> Messa
     return Message(
         "warning",
         "camera-contradicted",
-        f"The camera file {camera.name!r} does not belong to these photos: they fit with "
-        f"{said}. Check whether it is the file of this camera, and whether the "
+        f"The values of the camera {camera.name!r} do not belong to these photos: they fit with "
+        f"{said}. Check whether they are of this camera, and whether the "
         "photos were cut, stabilised or made smaller; calibrate the camera as it was used.",
     )
