@@ -126,6 +126,75 @@ def test_a_real_photo_without_tags_has_its_focal_length_from_four_targets(
     assert camera.sigma[0] < 0.1 * camera.value[0]  # 20 % before
 
 
+TWO_PHOTOS = """image,label,u_px,v_px,sigma_px
+IMG_0005.jpg,P1,929.36,377.70,
+IMG_0005.jpg,P2,1006.14,573.91,
+IMG_0005.jpg,P3,1424.14,261.11,
+IMG_0005.jpg,P4,1438.36,175.80,
+IMG_0005.jpg,P5,863.95,320.83,
+IMG_0005.jpg,P6,1111.35,420.35,
+IMG_0005.jpg,P7,1512.30,630.78,
+IMG_0005.jpg,P8,1492.39,238.36,
+IMG_0005.jpg,P9,1204.60,374.21,
+IMG_0005.jpg,P11,1270.78,942.09,
+IMG_0006.jpg,P1,924.62,743.19,
+IMG_0006.jpg,P2,1002.85,939.76,
+IMG_0006.jpg,P3,1420.21,622.02,
+IMG_0006.jpg,P4,1433.70,534.74,
+IMG_0006.jpg,P5,858.22,685.99,
+IMG_0006.jpg,P6,1107.00,783.11,
+IMG_0006.jpg,P7,1505.34,991.95,
+IMG_0006.jpg,P8,1488.34,599.43,
+IMG_0006.jpg,P9,1199.50,738.84,
+IMG_0006.jpg,P11,1264.90,1301.87,
+"""
+"""A newcomer's clicks in two photos of a twin, rounded (an outside examination)."""
+
+TAPED_M = {"L1": 6.98, "L2": 2.94, "L3": 8.87, "L4": 13.18}
+TRUE_M = {"D1": 19.359, "D3": 19.000}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "codes", "lengths"),
+    [
+        ({}, (), ()),
+        ({"L4": 31.18}, ("line-suspect",), ("L4",)),
+        ({"L4": 18.13}, ("line-wrong-digit", "line-left-out"), ("L4",)),
+        ({"L4": 43.24}, ("line-suspect",), ("L4",)),
+        ({"L1": 8.87, "L3": 6.98}, ("lines-exchanged",), ("L1", "L3")),
+    ],
+    ids=["right", "digits exchanged", "digits rotated", "feet", "readings exchanged"],
+)
+def test_a_length_that_nothing_else_checks_is_named_and_no_camera(
+    data_dir: Path,
+    tmp_path: Path,
+    wrong: dict[str, float],
+    codes: tuple[str, ...],
+    lengths: tuple[str, ...],
+) -> None:
+    """Four lengths alone place two photos: a wrong one draws them to it, and has no residual."""
+    ends = {"L1": "P1,P2", "L2": "P3,P4", "L3": "P5,P6", "L4": "P7,P8"}
+    rows = [f"{name},{ends[name]},{m},0.01" for name, m in (TAPED_M | wrong).items()]
+    (tmp_path / "lines.csv").write_text("\n".join(["name,from,to,length_m,sigma_m", *rows]) + "\n")
+    (tmp_path / "picks.csv").write_text(TWO_PHOTOS)
+    requests = "name,kind,points,parameters\nD1,distance,P1;P8,\nD3,distance,P11;P9,\n"
+    (tmp_path / "measure.csv").write_text(requests)
+    photos = [str(data_dir / "street_nadir" / "photos" / f"IMG_000{k}.jpg") for k in (5, 6)]
+    tables = {name: f"{name}.csv" for name in ("picks", "lines", "measure")}
+    project = tmp_path / "project.yaml"
+    project.write_text(yaml.safe_dump({"images": photos, "camera": "unknown", **tables}))
+    result = uavgram.run(project, output=None)
+    measured, verdict = result.measurements, result.verdict
+    assert verdict is not None
+    first = verdict.reasons[:1] if wrong else ()
+
+    assert tuple(one.cause in codes for one in first) == (True,) * bool(wrong)
+    assert tuple(name for one in first for name in one.lengths) == lengths
+    assert not any("camera file" in one.text for one in verdict.reasons)
+    true = np.array([TRUE_M[name] for name in measured.name])
+    assert (np.abs(measured.value - true) < 3.0 * measured.sigma).all()
+
+
 def test_what_the_photos_say_is_used_where_they_say_something(tmp_path: Path) -> None:
     camera_photo(tmp_path / "a.jpg", make="DJI", model="FC220", focal=(47, 10))
     (tmp_path / "picks.csv").write_text("image,label,u_px,v_px\na.jpg,p,20,10\n")

@@ -18,10 +18,10 @@ from uavgram.model.message_catalogue import Effect, entry_of
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Cause, Survey
 from uavgram.stages.messages import TAKEN_INTO_ACCOUNT
-from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     CONTRADICTING,
     GROSS_ERROR_LOG_ODDS,
+    MISFIT_PROBABILITY,
     SURE_LOG_ODDS,
     Diagnosis,
     Hypothesis,
@@ -44,7 +44,7 @@ from uavgram.stages.refine.causes.mirrored_photos import (
 from uavgram.stages.refine.causes.swapped_labels import propose_swapped_pair
 from uavgram.stages.refine.causes.turned_photos import propose_photos_elsewhere
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
-from uavgram.stages.refine.cleaned_adjustment import Robust
+from uavgram.stages.refine.cleaned_adjustment import Robust, list_left_out
 from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.gross_errors import adjust_robustly
 from uavgram.stages.refine.minima import FULL, Participants, adjust_on_trial, find_best_minima
@@ -114,7 +114,7 @@ def adjust_at_stated_noise(
     )
     found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
     if found.restored is not None:
-        survey, refined = found.restored.survey, found.restored.refined
+        survey, refined = found.restored.survey, _record_left_out(robust, found.restored)
     # Take errors of many picks, or common to all readings, where they explain more than these
     # causes; mention errors of picks that explain as much.
     cost = _compute_cost(taking, robust, found)
@@ -185,6 +185,12 @@ def adjust_at_stated_noise(
         (*left_out, *unseen),
         are_all_wrong=found.wrong.issuperset(refined.pick_index.tolist()),
     )
+
+
+def _record_left_out(robust: Robust, restored: Diagnosis) -> Refined:
+    """Record the readings that another adjustment than the robust one leaves out."""
+    left = list_left_out(restored.survey, replace(robust, refined=restored.refined))
+    return replace(restored.refined, left_out=tuple(sorted(left)))
 
 
 def _add_photos_elsewhere(

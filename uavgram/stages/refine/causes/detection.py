@@ -18,12 +18,10 @@ from uavgram.estimation.reliability.redundancy import (
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.stages.refine.causes.common_length_errors import has_common_misfit
 from uavgram.stages.refine.causes.flight_log import find_turn_by_places, list_prior_hypotheses
-from uavgram.stages.refine.causes.hypothesis import Diagnosis
+from uavgram.stages.refine.causes.hypothesis import MISFIT_PROBABILITY, Diagnosis
+from uavgram.stages.refine.causes.suspect_lengths import find_unchecked_lengths
 from uavgram.stages.refine.causes.swapped_labels import propose_swapped_by_two_views
 from uavgram.stages.refine.causes.turned_photos import find_photos_against_log
-
-MISFIT_PROBABILITY = 0.01
-"""Probability of the core's sum of squares below which a cause is looked for."""
 
 LOG_SIGNIFICANCE = float(np.log(0.001))
 """Logarithm of the significance level for the whole survey: the frequency of false causes."""
@@ -45,6 +43,8 @@ def has_misfit(diagnosis: Diagnosis) -> bool:
     ):
         return True
     if _worst_prior(adjustment) < LOG_SIGNIFICANCE:
+        return True
+    if len(find_unchecked_lengths(adjustment)):
         return True
     if has_common_misfit(adjustment) or find_photos_against_log(diagnosis):
         return True

@@ -41,6 +41,9 @@ POSE_SIZE = 3
 HEIGHT_SIGMA_M = 2.0
 """Sigma of the height above the ground of an ordinary thing, such as a car [m]."""
 
+MISFIT_PROBABILITY = 0.01
+"""Probability of the core's sum of squares below which a cause is looked for."""
+
 CONTRADICTING = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
 """Causes of left-out picks that a person should check."""
 
@@ -161,6 +164,8 @@ class Hypothesis:
         Function that returns its unknowns (q,) and their covariance (q, q) in the adjustment of the
         freed survey, for `message`; it returns None where they are impossible. None: those of the
         linear test are reported.
+    adjusted
+        Its adjustment, where that is known.
     price
         Logarithm of the number of possible hypotheses of its kind, and of the prior range of its
         unknowns over their posterior range (see `GROSS_ERROR_LOG_ODDS`).
@@ -184,6 +189,7 @@ class Hypothesis:
     amount: float | None = None
     checked: float = MIN_RESIDUAL_SHARE
     settled: Callable[[Adjustment], tuple[Floats, Floats] | None] | None = None
+    adjusted: Refined | None = None
     price: float = 0.0
     promise: float = 0.0
     settles: frozenset[str] = frozenset()

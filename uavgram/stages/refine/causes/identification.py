@@ -173,7 +173,8 @@ class IdentifiedCauses(NamedTuple):
     judged
         Evidence of each cause.
     restored
-        The survey with photos that had been left out, but fit without any cause; else None.
+        The survey with photos that had been left out, but fit without any cause, or without a
+        length that no other observation checks; else None.
     """
 
     causes: tuple[Cause, ...]
@@ -274,7 +275,8 @@ def _identify_in_turn(
         if best.after is None:
             break
         diagnosis = _take_back(best.after)
-        if best.hypothesis.message is None and best.hypothesis.back and not causes:
+        one = best.hypothesis
+        if one.message is None and (one.back or one.is_of_all) and not causes:
             restored = diagnosis
     cost = diagnosis.cost + price
     return IdentifiedCauses(
@@ -287,7 +289,7 @@ def _identify_in_turn(
         fits=not has_misfit(diagnosis),
         left_out=diagnosis.count_readings(),
         judged=tuple(judged),
-        restored=None if causes else restored,
+        restored=restored,
     )
 
 
@@ -470,7 +472,8 @@ def _find_likeliest(
         if one.after is not None and not needs_cause(one.after):
             return _choose_with_rivals(one, trials)  # it explains all, without more noise
         noisy = noisy or explain_by_noise(diagnosis)
-        odds = np.inf if noisy is diagnosis else try_hypothesis(noisy, one).odds
+        anew = replace(one, hypothesis=replace(one.hypothesis, adjusted=None))
+        odds = np.inf if noisy is diagnosis else try_hypothesis(noisy, anew).odds
         if odds > SURE_LOG_ODDS:
             return _choose_with_rivals(one, trials)
         trials[trials.index(one)] = replace(one, odds=odds)  # noise explains about as much

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import combinations, pairwise
 from typing import NamedTuple
@@ -12,13 +13,20 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, UNITS
+from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import join_names
 from uavgram.model.survey import Survey, SurveyCorrection
 from uavgram.stages.refine.causes.flight_log import scale_by_heights
-from uavgram.stages.refine.causes.hypothesis import GROSS_ERROR_LOG_ODDS, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.hypothesis import (
+    GROSS_ERROR_LOG_ODDS,
+    SURE_LOG_ODDS,
+    Diagnosis,
+    Hypothesis,
+    correct_participants,
+)
 from uavgram.stages.refine.causes.other_poses import (
     compute_decreases,
     find_picks_of_photo,
@@ -29,14 +37,20 @@ from uavgram.stages.refine.causes.suspect_lengths import (
     MessageWords,
     SuspectLengths,
     find_suspect_lengths,
+    find_unchecked_lengths,
     rate_aimless,
 )
+from uavgram.stages.refine.left_out import predict_readings
+from uavgram.stages.refine.minima import Patience, adjust_on_trial
 
 MAX_WRONG_LENGTHS = 4
 """Largest number of single wrong lengths that are proposed."""
 
 MAX_EXCHANGED = 12
 """Largest number of lengths up to which exchanges of any two readings are tried."""
+
+MOST_ADJUSTED = 15
+"""Largest number of exchanges that are adjusted one by one."""
 
 MIN_LENGTHS_FOR_ALL = 3
 """Number of lengths above which a mistake in every one of them is reported for all together."""
@@ -73,14 +87,118 @@ def propose_wrong_lengths(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if block is None:
         return
     lines = diagnosis.refined.line_index[adjustment.problem.line_index]
+    price = GROSS_ERROR_LOG_ODDS + float(np.log(len(lines)))
     fall = compute_reductions(block, adjustment.covariance)
     for row in np.argsort(-fall, kind="stable")[:MAX_WRONG_LENGTHS].tolist():
         yield Hypothesis(
             message=None,
-            mend=SurveyCorrection(without_lines=frozenset([int(lines[row])])),
+            mend=_leave_out(int(lines[row])),
             promise=float(fall[row]),
-            price=GROSS_ERROR_LOG_ODDS + float(np.log(len(lines))),
+            price=price,
         )
+    unchecked = find_unchecked_lengths(adjustment)
+    if len(unchecked):
+        yield from _propose_unchecked_lengths(diagnosis, lines[unchecked].tolist(), price)
+
+
+def _propose_unchecked_lengths(
+    diagnosis: Diagnosis, lines: Sequence[int], price: float
+) -> Iterator[Hypothesis]:
+    """Propose the length without which a survey fits best; all of those that do nearly as well.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    lines
+        Lengths that no other observation checks.
+    price
+        Price of each.
+    """
+    near = _adjust_each(diagnosis, [_leave_out(line) for line in lines], price)
+    if not near:
+        return
+    which, refined = near[0]
+    named = [lines[k] for k, _ in near]
+    names = diagnosis.survey.line_name
+    one = Hypothesis(
+        message=partial(_unchecked_message, diagnosis.survey, named, refined),
+        mend=_leave_out(lines[which]),
+        equal=tuple(_leave_out(other) for other in named[1:]),
+        is_clear=False,
+        is_of_all=True,
+        adjusted=refined,
+        promise=diagnosis.cost - refined.adjustment.minimum.cost,
+        price=price,
+        settles=frozenset(names[k] for k in named if names),
+    )
+    yield one
+    if len(named) == 1:  # leave it out if that is sure
+        yield replace(one, message=None)
+
+
+def _adjust_each(
+    diagnosis: Diagnosis, corrections: Sequence[SurveyCorrection], price: float
+) -> list[tuple[int, Refined]]:
+    """Adjust the survey from first values with each of some corrections of one price.
+
+    Returns
+    -------
+    Rows and adjustments of the best one, and of those that fit nearly as well, best first; empty
+    where none is likely.
+    """
+    goal = diagnosis.adjustment.minimum.cost - 2.0 * (price - SURE_LOG_ODDS)
+    found: list[tuple[float, int, Refined]] = []
+    for k, mend in enumerate(corrections):
+        taking = correct_participants(diagnosis, mend, lines_back=True)
+        refined = adjust_on_trial(taking, Patience(goal=goal))
+        if refined is not None and refined.adjustment.minimum.converged:
+            cost = refined.adjustment.minimum.cost
+            goal = min(goal, cost + 2.0 * SURE_LOG_ODDS)
+            found.append((cost, k, refined))
+    near = sorted((one for one in found if one[0] <= goal), key=lambda one: one[:2])
+    return [(k, refined) for _, k, refined in near]
+
+
+def _leave_out(line: int) -> SurveyCorrection:
+    return SurveyCorrection(without_lines=frozenset([line]))
+
+
+def _unchecked_message(
+    survey: Survey, lines: Sequence[int], refined: Refined, _: HypothesisTest | None
+) -> Message:
+    """Report that a length, or one of several, may be wrong.
+
+    Parameters
+    ----------
+    survey, lines
+        The survey, and its lengths that may be wrong.
+    refined
+        Its adjustment without the first of them.
+    """
+    names = [survey.line_name[k] if survey.line_name else "" for k in lines]
+    ends = [(survey.label[survey.line_start[k]], survey.label[survey.line_end[k]]) for k in lines]
+    each = join_names(describe_ends(name, *two) for name, two in zip(names, ends, strict=True))
+    labels = tuple(dict.fromkeys(label for two in ends for label in two))
+    action = "Look at the reading, the unit and the ends, or tape another line."
+    if len(lines) > 1:
+        return Message(
+            "warning",
+            "blunder-not-located",
+            f"One of these lengths may be wrong, and no test shows which: {each}. Without either, "
+            f"all the rest fits much better. {action}",
+            lengths=tuple(filter(None, names)),
+            labels=labels,
+        )
+    (seen,), (sigma,) = predict_readings(survey, refined, np.array(lines))
+    return Message(
+        "warning",
+        "line-suspect",
+        f"The length {each} may be wrong: {survey.length_m[lines[0]]:.10g} m taped, but without "
+        f"it all the rest fits much better, and shows {seen:.2f} ± {sigma:.2f} m. {action}",
+        lengths=tuple(filter(None, names)),
+        labels=labels,
+    )
 
 
 def propose_other_units(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
@@ -176,7 +294,16 @@ def _propose_exchanged_by_other_poses(diagnosis: Diagnosis) -> Iterator[Hypothes
         SurveyCorrection(length_m={i: float(survey.length_m[j]), j: float(survey.length_m[i])})
         for i, j in pairs
     ]
-    decrease = compute_decreases(diagnosis, find_picks_of_photo(diagnosis), every)
+    adjusted: dict[int, Refined] = {}
+    if len(find_unchecked_lengths(diagnosis.adjustment)) and len(pairs) <= MOST_ADJUSTED:
+        # One photo fits with any of them: the photos are adjusted together.
+        least = min(_price_exchange(survey, pair) for pair in pairs) + float(np.log(len(pairs)))
+        adjusted = dict(_adjust_each(diagnosis, every, least))
+        decrease = np.zeros(len(pairs))
+        for k, refined in adjusted.items():
+            decrease[k] = diagnosis.cost - refined.adjustment.minimum.cost
+    else:
+        decrease = compute_decreases(diagnosis, find_picks_of_photo(diagnosis), every)
     for k in np.argsort(-decrease, kind="stable")[:MAX_WRONG_LENGTHS].tolist():
         one, other = (f"{survey.length_m[i]:.10g} m" for i in pairs[k])
         detail = (
@@ -188,6 +315,7 @@ def _propose_exchanged_by_other_poses(diagnosis: Diagnosis) -> Iterator[Hypothes
                 message=partial(_exchanged_message, survey, pairs[k], detail),
                 mend=every[k],
                 is_of_all=True,
+                adjusted=adjusted.get(k),
                 promise=float(decrease[k]),
                 price=_price_exchange(survey, pairs[k]) + float(np.log(len(pairs))),
                 settles=frozenset(survey.line_name[i] for i in pairs[k] if survey.line_name),

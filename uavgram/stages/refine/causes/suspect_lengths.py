@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
-from uavgram.estimation.reliability.redundancy import compute_reductions
+from uavgram.estimation.reliability.redundancy import compute_core_fit, compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import (
     TapedLengths,
@@ -31,6 +32,9 @@ MAX_LENGTHS = 8
 
 MIN_REDUNDANCY = 0.05
 """Redundancy number above which the other observations determine the reading of a length."""
+
+TOO_GOOD_PROBABILITY = 0.01
+"""Probability of a sum of squares as small as that, below which a survey fits too well."""
 
 MAX_SLIP_SIGMAS = 4.0
 """Largest difference from the prediction, in sigmas, for a slip to explain a reading."""
@@ -318,6 +322,23 @@ def _find_stray_rows(adjustment: Adjustment) -> Ints:
     checked = 1.0 - adjustment.covariance.leverage(block)[:, 0] > MIN_REDUNDANCY
     rows = np.flatnonzero((fall > STRAY_DECREASE) & checked)
     return rows[np.argsort(-fall[rows], kind="stable")]
+
+
+def find_unchecked_lengths(adjustment: Adjustment) -> Ints:
+    """Find lengths (n,), by row of their block, that nothing else checks, and that may be wrong.
+
+    Such a length draws the whole survey to its reading, and has no residual. An error of it leaves
+    traces in what it bends: none is found where the rest fits so well that it would fit too well
+    without the square of a gross error.
+    """
+    block = adjustment.minimum.blocks.get("lengths")
+    if block is None:
+        return np.zeros(0, dtype=np.int64)
+    checked = 1.0 - adjustment.covariance.leverage(block)[:, 0] > MIN_REDUNDANCY
+    fit = compute_core_fit(adjustment)
+    least = fit.squares - 2.0 * (GROSS_ERROR_LOG_ODDS + np.log(len(checked)))
+    fits_too_well = chdtri(max(fit.degrees - 1.0, 1.0), 1.0 - TOO_GOOD_PROBABILITY)
+    return np.flatnonzero(~checked & (least > fits_too_well))
 
 
 def _compute_pulls(adjustment: Adjustment, rows: Ints) -> tuple[Floats, Floats, Floats]:

@@ -18,9 +18,9 @@ from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.model.arrays import Floats
 from uavgram.model.survey import SurveyCorrection
 from uavgram.stages.refine.causes.correction import readjust_corrected
-from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
+    MISFIT_PROBABILITY,
     POSE_SIZE,
     SURE_LOG_ODDS,
     Diagnosis,
@@ -161,7 +161,7 @@ def try_hypothesis(
     # The price of the hypothesis contains that of the lengths that it leaves out.
     paid = 2.0 * GROSS_ERROR_LOG_ODDS * len(mend.without_lines)
     goal = min(_bound_cost(diagnosis, hypothesis, paid), limit)
-    refined = readjust_corrected(diagnosis, taking, hypothesis, goal)
+    refined = hypothesis.adjusted or readjust_corrected(diagnosis, taking, hypothesis, goal)
     useless = JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
     if refined is None or refined.adjustment.minimum.cost > limit:
         return useless
