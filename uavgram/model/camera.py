@@ -320,7 +320,7 @@ class Calibration:
 
     @property
     def is_poorly_known(self) -> bool:
-        """Whether the focal length is so uncertain that it changes with heights and tilts."""
+        """Whether the focal length is so uncertain that it changes along with heights and tilts."""
         return bool(np.sqrt(self.covariance[0, 0]) > POOR_FOCAL_SIGMA * self.parameters[0])
 
     @property

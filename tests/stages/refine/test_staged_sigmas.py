@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import Scene
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.survey.observed import Observations
@@ -19,6 +20,7 @@ from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import assemble
 from uavgram.stages.camera import assume_camera
 from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.staged_sigmas import approach_minimum
 
 TOO_WIDE = 22.0 / 25.9
 """A camera of 22 mm in the place of an ordinary one; the twins have 26 mm."""
@@ -64,3 +66,19 @@ def test_a_wrong_focal_length_leads_to_the_same_minimum(
     assert other.converged
     # But for the focal length's own prior, at most a few sigmas squared.
     assert other.cost == pytest.approx(right.cost, abs=4)
+
+
+def test_first_values_stay_as_they_are_without_matches_and_free_heights(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    scene = scene_factory(1, telemetry=False, gauge="plane")
+    used = np.ones(len(scene.survey.line_start), bool)
+    poor = np.array(scene.survey.calibration.covariance)
+    poor[0, 0] = poor[1, 1] = (0.2 * scene.survey.calibration.parameters[0]) ** 2
+    camera = replace(scene.survey.calibration, covariance=poor)
+    softened = replace(scene.survey, calibration=camera)
+
+    assert camera.is_poorly_known
+    assert not scene.survey.calibration.is_poorly_known
+    for survey in (scene.survey, softened):
+        assert approach_minimum(survey, scene.truth, scene.pivot, used) is scene.truth

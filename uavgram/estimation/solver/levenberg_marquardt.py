@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Generic, TypeAlias, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -88,10 +88,6 @@ MAX_ITERATIONS = 80
 MAX_DAMPING = 1e12
 
 
-_Tried: TypeAlias = tuple[State, dict[str, Block] | None, float]
-"""State, residuals and sum of squares of a step."""
-
-
 @dataclass(frozen=True, eq=False)
 class Minimum(Generic[State]):
     """Result of the iteration.
@@ -155,8 +151,8 @@ def minimise(  # noqa: PLR0913  (settings of one algorithm)
         Sum of squares above which the result is of no use: the iteration ends where it is out of
         reach (`PACE_STEPS`).
     bends
-        Whether steps follow a bent valley from the first refused one on. Where gross errors take
-        part, straight steps leave first values less.
+        Whether steps follow a bent valley from the first refused one on. Straight steps stay
+        nearer to first values, which is better where gross errors take part.
 
     Returns
     -------
@@ -184,11 +180,13 @@ def minimise(  # noqa: PLR0913  (settings of one algorithm)
         raise ValueError("the first values are impossible")
     normal = NormalEquations(list(blocks.values()), size, structure)
     cost = compute_cost(blocks.values())
-    now = _Iteration(evaluate, update, size, structure, slack, goal, state, blocks, cost, normal)
+    now = _Iteration(
+        evaluate, update, size, structure, slack, goal, state, blocks, cost, normal, bends
+    )
     refused = MAX_REFUSED_REDUCTION_EACH * size * min(1.0, at_rest / MIN_REDUCTION)
     limit = max(at_rest, MAX_UNDAMPED_REDUCTION * max(1.0, size / LARGE_SYSTEM))
     while True:
-        now.descend(most, max(at_rest, MIN_REDUCTION_EACH * size), refused, bends=bends)
+        now.descend(most, max(at_rest, MIN_REDUCTION_EACH * size), refused)
         factor = now.normal.factor(slack)
         # Newton's decrement without damping: reduction to the minimum of the linear model.
         step = -factor.solve(now.normal.gradient)
@@ -212,8 +210,8 @@ def minimise(  # noqa: PLR0913  (settings of one algorithm)
 class _Iteration(Generic[State]):
     """Present state of an iteration, and the functions that it calls; see `minimise`.
 
-    `halfway` is the sum of squares after half of the largest number of steps, and `is_hopeless`
-    whether the goal is out of reach.
+    `halfway` is the sum of squares after half of the largest number of steps, `is_hopeless` whether
+    the goal is out of reach, and `is_bent` whether steps follow a bent valley.
     """
 
     evaluate: Callable[[State], dict[str, Block] | None]
@@ -226,31 +224,30 @@ class _Iteration(Generic[State]):
     blocks: dict[str, Block]
     cost: float
     normal: NormalEquations
+    bends: bool
     count: int = 0
     halfway: float = np.inf
     is_hopeless: bool = False
+    is_bent: bool = False
 
-    def _try(self, step: Floats, _: Factor | None = None) -> _Tried[State]:
+    def _try(self, step: Floats) -> tuple[State, dict[str, Block] | None, float]:
         """Evaluate a step: state, residuals, and the sum of squares (infinite if impossible)."""
         state = self.update(self.state, step)
         blocks = self.evaluate(state)
         cost = np.inf if blocks is None else compute_cost(blocks.values())
         return state, blocks, np.inf if np.isnan(cost) else cost
 
-    def _try_bent(self, step: Floats, factor: Factor) -> _Tried[State]:
-        """Evaluate a step bent along the valley; the straight one where the bend is too large."""
-        bend = self._find_bend(step, factor)
-        return self._try(step if bend is None else step + bend)
+    def _bend(self, step: Floats, factor: Factor) -> Floats:
+        """Bend a step along a bent valley; unchanged in another, or where the bend is too large.
 
-    def _find_bend(self, step: Floats, factor: Factor) -> Floats | None:
-        """Find half the acceleration of the residuals' curve along a step; None if it is too large.
-
-        The second derivative of the residuals along the step is that of a short part of it:
-        r'' = 2 / h ((r(h) - r) / h - J step).
+        The bend is half the acceleration a, where N a = -J^T r''. A short part h of the step gives
+        the second derivative of the residuals along it: r'' = 2 / h ((r(h) - r) / h - J step).
         """
+        if not self.is_bent:
+            return step
         short = self.evaluate(self.update(self.state, BEND_SHARE * step))
         if short is None:
-            return None
+            return step
         curved = [
             replace(
                 block,
@@ -261,14 +258,15 @@ class _Iteration(Generic[State]):
         ]
         bend = -factor.solve(compute_gradient(curved, self.size)) / BEND_SHARE
         scale = self.normal.normal.diagonal()
-        return bend if 4.0 * (bend**2 @ scale) <= MAX_BEND**2 * (step**2 @ scale) else None
+        is_small = 4.0 * (bend**2 @ scale) <= MAX_BEND**2 * (step**2 @ scale)
+        return step + bend if is_small else step
 
     def _move(self, state: State, blocks: dict[str, Block], cost: float) -> None:
         self.state, self.blocks, self.cost = state, blocks, cost
         plan = self.normal.plan
         self.normal = NormalEquations(list(blocks.values()), self.size, self.structure, plan)
 
-    def descend(self, most: int, at_rest: float, refused: float, *, bends: bool) -> None:
+    def descend(self, most: int, at_rest: float, refused: float) -> None:
         """Take damped steps until the predicted reduction is small.
 
         Parameters
@@ -279,12 +277,10 @@ class _Iteration(Generic[State]):
             Predicted reduction below which the iteration ends.
         refused
             Likewise, where a step hardly reduces the sum of squares.
-        bends
-            Whether steps follow a bent valley.
         """
         damping, growth = 1e-9, 2.0
         factor: Factor | None = None
-        before, is_bent = np.inf, False
+        before, self.is_bent = np.inf, False
         while self.count < most:
             report_work()
             if self.count == most // 2:
@@ -300,8 +296,7 @@ class _Iteration(Generic[State]):
             self.is_hopeless = self.cost - left * predicted > self.goal
             if self.is_hopeless:
                 break
-            try_step = self._try_bent if is_bent else self._try
-            state, blocks, cost = try_step(step, factor)
+            state, blocks, cost = self._try(self._bend(step, factor))
             # Gain ratio: actual over predicted reduction.
             gain = (self.cost - cost) / predicted
             if blocks is not None and gain > 0:
@@ -310,7 +305,7 @@ class _Iteration(Generic[State]):
                 damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
                 growth = 2.0
             elif fresh:
-                is_bent = bends
+                self.is_bent = self.bends
                 damping, growth = damping * growth, 2.0 * growth
                 # With less damping than that the same step would be refused again, each time at
                 # the cost of a factorisation.
@@ -326,7 +321,7 @@ class _Iteration(Generic[State]):
                 or gain < MIN_ACHIEVED_SHARE
                 or damping > MAX_REUSE_DAMPING
                 or crawls
-                or is_bent
+                or self.is_bent
             ):
                 factor = None
             before = predicted

@@ -21,8 +21,14 @@ from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Ints
 from uavgram.model.survey import Cause, Survey, SurveyCorrection
-from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
+from uavgram.stages.refine.causes.hypothesis import (
+    Diagnosis,
+    Hypothesis,
+    correct_participants,
+    correct_survey,
+)
 from uavgram.stages.refine.minima import (
+    QUICK_TRIAL,
     TRIAL_ITERATIONS,
     Participants,
     Patience,
@@ -108,6 +114,26 @@ def _describe_values(survey: Survey, mend: SurveyCorrection) -> str:
 
 MIN_FIT_PROBABILITY = 1e-5
 """Probability of the core's squares below which a state is unsuitable as first values."""
+
+
+def adjust_with_all(
+    diagnosis: Diagnosis, mend: SurveyCorrection, most: Patience = QUICK_TRIAL
+) -> Diagnosis | None:
+    """Adjust a corrected survey with all that was left out; None without a result.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    mend
+        Correction, by index into its survey.
+    most
+        Largest numbers of iterations.
+    """
+    back = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
+    taking = correct_participants(diagnosis, mend, back, lines_back=True)
+    refined = adjust_on_trial(taking, most)
+    return None if refined is None else Diagnosis(taking, refined)
 
 
 def readjust_corrected(

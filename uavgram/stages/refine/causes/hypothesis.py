@@ -165,7 +165,8 @@ class Hypothesis:
         freed survey, for `message`; it returns None where they are impossible. None: those of the
         linear test are reported.
     adjusted
-        Its adjustment, where that is known.
+        The corrected survey, adjusted at the present noise with all that was left out; None where
+        that is not yet known.
     price
         Logarithm of the number of possible hypotheses of its kind, and of the prior range of its
         unknowns over their posterior range (see `GROSS_ERROR_LOG_ODDS`).

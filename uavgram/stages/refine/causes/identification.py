@@ -472,8 +472,8 @@ def _find_likeliest(
         if one.after is not None and not needs_cause(one.after):
             return _choose_with_rivals(one, trials)  # it explains all, without more noise
         noisy = noisy or explain_by_noise(diagnosis)
-        anew = replace(one, hypothesis=replace(one.hypothesis, adjusted=None))
-        odds = np.inf if noisy is diagnosis else try_hypothesis(noisy, anew).odds
+        noisier = replace(one, hypothesis=replace(one.hypothesis, adjusted=None))
+        odds = np.inf if noisy is diagnosis else try_hypothesis(noisy, noisier).odds
         if odds > SURE_LOG_ODDS:
             return _choose_with_rivals(one, trials)
         trials[trials.index(one)] = replace(one, odds=odds)  # noise explains about as much

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import combinations, pairwise
 from typing import NamedTuple
@@ -15,17 +14,18 @@ from uavgram.estimation.reliability.redundancy import compute_reductions
 from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, UNITS
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observations.lengths import describe_ends
+from uavgram.estimation.survey.observations.observation import Subjects
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import join_names
 from uavgram.model.survey import Survey, SurveyCorrection
+from uavgram.stages.refine.causes.correction import adjust_with_all
 from uavgram.stages.refine.causes.flight_log import scale_by_heights
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
     SURE_LOG_ODDS,
     Diagnosis,
     Hypothesis,
-    correct_participants,
 )
 from uavgram.stages.refine.causes.other_poses import (
     compute_decreases,
@@ -41,7 +41,7 @@ from uavgram.stages.refine.causes.suspect_lengths import (
     rate_aimless,
 )
 from uavgram.stages.refine.left_out import predict_readings
-from uavgram.stages.refine.minima import Patience, adjust_on_trial
+from uavgram.stages.refine.minima import Patience
 
 MAX_WRONG_LENGTHS = 4
 """Largest number of single wrong lengths that are proposed."""
@@ -121,20 +121,20 @@ def _propose_unchecked_lengths(
     which, refined = near[0]
     named = [lines[k] for k, _ in near]
     names = diagnosis.survey.line_name
-    one = Hypothesis(
-        message=partial(_unchecked_message, diagnosis.survey, named, refined),
+    gain = diagnosis.cost - refined.adjustment.minimum.cost
+    is_sure = len(named) == 1 and gain / 2.0 - price > SURE_LOG_ODDS  # it is left out
+    message = partial(_unchecked_message, diagnosis.survey, named, refined)
+    yield Hypothesis(
+        message=None if is_sure else message,
         mend=_leave_out(lines[which]),
         equal=tuple(_leave_out(other) for other in named[1:]),
         is_clear=False,
         is_of_all=True,
         adjusted=refined,
-        promise=diagnosis.cost - refined.adjustment.minimum.cost,
+        promise=gain,
         price=price,
         settles=frozenset(names[k] for k in named if names),
     )
-    yield one
-    if len(named) == 1:  # leave it out if that is sure
-        yield replace(one, message=None)
 
 
 def _adjust_each(
@@ -150,12 +150,11 @@ def _adjust_each(
     goal = diagnosis.adjustment.minimum.cost - 2.0 * (price - SURE_LOG_ODDS)
     found: list[tuple[float, int, Refined]] = []
     for k, mend in enumerate(corrections):
-        taking = correct_participants(diagnosis, mend, lines_back=True)
-        refined = adjust_on_trial(taking, Patience(goal=goal))
-        if refined is not None and refined.adjustment.minimum.converged:
-            cost = refined.adjustment.minimum.cost
+        after = adjust_with_all(diagnosis, mend, Patience(goal=goal))
+        if after is not None and after.adjustment.minimum.converged:
+            cost = after.adjustment.minimum.cost
             goal = min(goal, cost + 2.0 * SURE_LOG_ODDS)
-            found.append((cost, k, refined))
+            found.append((cost, k, after.refined))
     near = sorted((one for one in found if one[0] <= goal), key=lambda one: one[:2])
     return [(k, refined) for _, k, refined in near]
 
@@ -179,16 +178,18 @@ def _unchecked_message(
     names = [survey.line_name[k] if survey.line_name else "" for k in lines]
     ends = [(survey.label[survey.line_start[k]], survey.label[survey.line_end[k]]) for k in lines]
     each = join_names(describe_ends(name, *two) for name, two in zip(names, ends, strict=True))
-    labels = tuple(dict.fromkeys(label for two in ends for label in two))
+    about: Subjects = {
+        "lengths": tuple(filter(None, names)),
+        "labels": tuple(dict.fromkeys(label for two in ends for label in two)),
+    }
     action = "Look at the reading, the unit and the ends, or tape another line."
     if len(lines) > 1:
         return Message(
             "warning",
             "blunder-not-located",
-            f"One of these lengths may be wrong, and no test shows which: {each}. Without either, "
-            f"all the rest fits much better. {action}",
-            lengths=tuple(filter(None, names)),
-            labels=labels,
+            f"One of these lengths may be wrong, and no test shows which: {each}. Without any one "
+            f"of them, all the rest fits much better. {action}",
+            **about,
         )
     (seen,), (sigma,) = predict_readings(survey, refined, np.array(lines))
     return Message(
@@ -196,8 +197,7 @@ def _unchecked_message(
         "line-suspect",
         f"The length {each} may be wrong: {survey.length_m[lines[0]]:.10g} m taped, but without "
         f"it all the rest fits much better, and shows {seen:.2f} ± {sigma:.2f} m. {action}",
-        lengths=tuple(filter(None, names)),
-        labels=labels,
+        **about,
     )
 
 

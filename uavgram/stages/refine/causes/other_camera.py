@@ -21,11 +21,11 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey import Survey, SurveyCorrection
+from uavgram.stages.refine.causes.correction import adjust_with_all
 from uavgram.stages.refine.causes.hypothesis import (
     GROSS_ERROR_LOG_ODDS,
     Diagnosis,
     Hypothesis,
-    correct_participants,
 )
 from uavgram.stages.refine.causes.other_poses import MOST_PHOTOS
 from uavgram.stages.refine.causes.turned_photos import (
@@ -33,7 +33,6 @@ from uavgram.stages.refine.causes.turned_photos import (
     find_photos_against_log,
     picks_of,
 )
-from uavgram.stages.refine.minima import QUICK_TRIAL, adjust_on_trial
 
 MIN_DECREASE, MAX_PHOTOS = 16.0, 4
 """Least decrease of the sum of squares by a zoom of its own, for a photo to be examined; and
@@ -132,15 +131,7 @@ def _enlarge_picks(survey: Survey, picks: Ints, scale: _Scale) -> SurveyCorrecti
 def _adjust_others(diagnosis: Diagnosis, frame: int) -> Diagnosis | None:
     """Adjust the survey without a photo, with all lengths; None without a result."""
     own = np.flatnonzero(diagnosis.survey.pick_frame == frame)
-    return _adjust_corrected(diagnosis, SurveyCorrection(without_picks=frozenset(own.tolist())))
-
-
-def _adjust_corrected(diagnosis: Diagnosis, mend: SurveyCorrection) -> Diagnosis | None:
-    """Adjust a corrected survey with all that was left out; None without a result."""
-    back = frozenset(np.flatnonzero(diagnosis.spoilt).tolist()) - mend.without_picks
-    taking = correct_participants(diagnosis, mend, back, lines_back=True)
-    refined = adjust_on_trial(taking, QUICK_TRIAL)
-    return None if refined is None else Diagnosis(taking, refined)
+    return adjust_with_all(diagnosis, SurveyCorrection(without_picks=frozenset(own.tolist())))
 
 
 def _improve_scale(diagnosis: Diagnosis, picks: Ints, scale: _Scale) -> _Scale | None:
@@ -160,7 +151,7 @@ def _improve_scale(diagnosis: Diagnosis, picks: Ints, scale: _Scale) -> _Scale |
     None where the adjustment does not converge.
     """
     for _ in range(MAX_IMPROVEMENTS):
-        after = _adjust_corrected(diagnosis, _enlarge_picks(diagnosis.survey, picks, scale))
+        after = adjust_with_all(diagnosis, _enlarge_picks(diagnosis.survey, picks, scale))
         if after is None or not after.adjustment.minimum.converged:
             return None
         small = after.adjustment.survey

@@ -34,7 +34,7 @@ MIN_REDUNDANCY = 0.05
 """Redundancy number above which the other observations determine the reading of a length."""
 
 TOO_GOOD_PROBABILITY = 0.01
-"""Probability of a sum of squares as small as that, below which a survey fits too well."""
+"""Probability of a smaller sum of squares, below which a survey fits too well."""
 
 MAX_SLIP_SIGMAS = 4.0
 """Largest difference from the prediction, in sigmas, for a slip to explain a reading."""
@@ -327,9 +327,9 @@ def _find_stray_rows(adjustment: Adjustment) -> Ints:
 def find_unchecked_lengths(adjustment: Adjustment) -> Ints:
     """Find lengths (n,), by row of their block, that nothing else checks, and that may be wrong.
 
-    Such a length draws the whole survey to its reading, and has no residual. An error of it leaves
-    traces in what it bends: none is found where the rest fits so well that it would fit too well
-    without the square of a gross error.
+    Such a length draws the whole survey to its reading, and has no residual; its error shows only
+    in what it bends. None is found where the squares are so small that a gross error among them
+    would leave the rest a fit too good to be true.
     """
     block = adjustment.minimum.blocks.get("lengths")
     if block is None:
