@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+import shutil
 import signal
 import subprocess
 import sys
@@ -142,13 +143,14 @@ def test_a_calibration_can_be_broken_off(tmp_path: Path) -> None:
 
 def test_a_batch_can_be_broken_off_while_its_workers_load(survey: Path, tmp_path: Path) -> None:
     for name in "ab":
-        (tmp_path / "surveys" / name).parent.mkdir(exist_ok=True)
-        (tmp_path / "surveys" / name).symlink_to(survey)
+        shutil.copytree(survey, tmp_path / "surveys" / name)
+    breaks = []
     for after_s in (1.0, 1.6, 2.2, 3.0):
         out = tmp_path / f"out-{after_s}"
         batch = start("batch", tmp_path / "surveys", "--workers", 2, "--output", out)
-        ended = struck(batch, after_s)
-        assert ended is None or ended == Ended(130, LINE)
+        breaks.append(struck(batch, after_s))
+    assert set(breaks) <= {None, Ended(130, LINE)}
+    assert any(breaks)  # whether the later ones come in time depends on the machine
 
 
 CONVERTS = """
