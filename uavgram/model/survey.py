@@ -475,6 +475,8 @@ class SurveyCorrection:
         Known lengths that were taped horizontally.
     free
         Label to whether its height is an unknown (True) or it is on the ground (False).
+    label_of_control
+        Control point to its correct label.
     apart
         Picks that show their points elsewhere than the other picks do, as after a car was moved.
     """
@@ -488,6 +490,7 @@ class SurveyCorrection:
     without_lines: frozenset[int] = frozenset()
     level: frozenset[int] = frozenset()
     free: Mapping[int, bool] = field(default_factory=dict)
+    label_of_control: Mapping[int, int] = field(default_factory=dict)
     apart: frozenset[int] = frozenset()
 
     @property

@@ -41,7 +41,10 @@ from uavgram.stages.refine.causes.mirrored_photos import (
     propose_exchanged_axes,
     shows_mirrored_control,
 )
-from uavgram.stages.refine.causes.swapped_labels import propose_swapped_pair
+from uavgram.stages.refine.causes.swapped_labels import (
+    propose_label_of_control,
+    propose_swapped_pair,
+)
 from uavgram.stages.refine.causes.turned_photos import propose_photos_elsewhere
 from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.cleaned_adjustment import Robust, list_left_out
@@ -127,8 +130,8 @@ def adjust_at_stated_noise(
         found = add_possible(found, of_picks.list_rivals(cost))
     if common is not None and _are_all_left_out(given, robust, found):
         found = found._replace(freed=(None,) * len(found.causes))
-    # Without the picks that the causes prove wrong, others may fit that were left out.
-    sound = _leave_out_wrong_picks(taking, refined, found)
+    # Without the readings that the causes prove wrong, others may fit that were left out.
+    sound = _leave_out_wrong_readings(taking, refined, found)
     again = None if sound is taking else _adjust_again(sound)
     if again is not None:
         taking, robust = sound, again
@@ -285,9 +288,9 @@ def _find_errors_of_picks(
 
     Where all picks of the only photo are wrong, any pose of it is of no use. Photos that were
     mirrored against control may be in order without it, or have no result. In place of exchanged
-    control points, their labels may be swapped; and the label of a left-out control point with that
-    of the point at its coordinates. Causes that are possible beside gross errors may explain these,
-    too.
+    control points, their labels may be swapped; a left-out control point may be the point at its
+    coordinates, by a wrong label of it or by two swapped labels. Causes that are possible beside
+    gross errors may explain these, too.
 
     Parameters
     ----------
@@ -306,7 +309,10 @@ def _find_errors_of_picks(
     if robust.exchanged:
         proposals += (partial(propose_swapped_pair, names=robust.exchanged),)
     for names in _list_labels_at_control(taking.survey, robust):
-        proposals += (partial(propose_swapped_pair, names=names),)
+        proposals += (
+            partial(propose_label_of_control, names=names),
+            partial(propose_swapped_pair, names=names),
+        )
     if numbers:
         again = [one.hypothesis for one in found.possible if one.hypothesis.mend is not None]
         proposals += (partial(_propose_for_all, hypotheses=again),)
@@ -372,10 +378,10 @@ MOVED_POINT = LeftOut(LeftOutCause.GROSS, "its point was moved between the photo
 """Reason why picks that show a point elsewhere take no part."""
 
 
-def _leave_out_wrong_picks(
+def _leave_out_wrong_readings(
     taking: Participants, refined: Refined, found: IdentifiedCauses
 ) -> Participants:
-    """Leave out the picks that causes prove wrong, unless this changes nothing.
+    """Leave out the picks and lengths that causes prove wrong, unless this changes nothing.
 
     Parameters
     ----------
@@ -386,12 +392,15 @@ def _leave_out_wrong_picks(
     """
     spoilt = np.flatnonzero(Diagnosis(taking, refined).spoilt).tolist()
     others = int(refined.line_removed.sum()) + len(refined.pose_widened)
+    sound = taking
+    if not found.wrong_lines <= set(np.flatnonzero(refined.line_removed).tolist()):
+        sound = taking.leave_out_lines(sorted(found.wrong_lines))
     if not found.wrong or (found.wrong == frozenset(spoilt) and not others):
-        return taking
+        return sound
     mends = [one.hypothesis.mend for one in found.judged if one.hypothesis.mend is not None]
     moved = frozenset[int]().union(*(mend.apart for mend in mends))
     reason = _reasons(taking.survey, sorted(found.wrong - moved))
-    return taking.leave_out_picks(reason | dict.fromkeys(sorted(found.wrong & moved), MOVED_POINT))
+    return sound.leave_out_picks(reason | dict.fromkeys(sorted(found.wrong & moved), MOVED_POINT))
 
 
 def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:

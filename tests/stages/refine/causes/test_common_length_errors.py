@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import Scene
+from scenes import Scene, make_scene
 from scipy.stats import chi2
 
 from uavgram.estimation.reliability.hypotheses import compare_hypotheses
+from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import EstimatedSigma, Noise
 from uavgram.model.survey import Survey
+from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.common_length_errors import (
     MIN_SHARE_IN_RESIDUALS,
     _list_common_errors,
@@ -125,3 +127,24 @@ def test_without_a_log_a_factor_is_checked_by_nothing(
     assert np.isinf(found.covariance[0, 0])
     assert found.gain == 0.0
     assert not has_common_misfit(given.adjustment)
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_lengths_of_a_worn_tape_do_not_change_the_results_where_control_gives_the_scale(
+    seed: int,
+) -> None:
+    """Leaving out a control point, or a length, explains less than the tape does."""
+    scene = make_scene(seed, frames=4, labels=14, control=5, lines=7, telemetry=False)
+    survey = off_by(scene.survey, 0.02, 0.0)
+    survey = replace(survey, line_name=tuple(f"L{k}" for k in range(7)))
+
+    refined, messages = refine(survey, SolveOptions(noise="stated"))
+
+    assert [one.code for one in messages] == ["lengths-factor"]
+    assert refined.line_removed.all()
+    adjustment = refined.adjustment
+    assert len(adjustment.survey.control_label) == 5
+    place, covariance = adjustment.points()
+    off = place - scene.world[adjustment.label_rows(scene.survey.label)]
+    squares = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off)
+    assert squares.max() < chi2.ppf(1 - LEVEL, 3)

@@ -112,3 +112,21 @@ def test_the_label_of_a_control_point_swapped_with_one_at_its_coordinates_is_nam
     _, messages = refine(replace(survey, pick_label=label), SolveOptions(noise="stated"))
     assert messages[0].code == "labels-swapped-everywhere"
     assert set(messages[0].labels) == {survey.label[0], survey.label[9]}
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+def test_a_control_point_with_the_label_of_another_point_is_named(*, telemetry: bool) -> None:
+    """No length ends at either point: their labels may as well be swapped in all photos."""
+    survey = make_scene(7, frames=5, labels=12, control=5, lines=2, telemetry=telemetry).survey
+    control, right = survey.control_label.copy(), survey.control_label[3]
+    control[3] = wrong = 10
+    ends = (survey.line_start, survey.line_end)
+    assert not np.isin(ends, (wrong, right)).any()
+
+    refined, messages = refine(replace(survey, control_label=control), SolveOptions(noise="stated"))
+
+    assert messages[0].code == "control-label-wrong"
+    assert messages[0].labels[:2] == (survey.label[wrong], survey.label[right])
+    assert "swapped in all photos" in messages[0].text
+    assert "control-left-out" not in {one.code for one in messages}
+    assert wrong not in refined.adjustment.survey.control_label

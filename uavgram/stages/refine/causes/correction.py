@@ -108,6 +108,10 @@ def _describe_values(survey: Survey, mend: SurveyCorrection) -> str:
     for of in sorted(mend.free):
         height = "at a height to be found" if survey.is_free[of] else "on the ground"
         parts.append(f"{label[of]!r} {height}")
+    parts += [
+        f"control point {label[survey.control_label[row]]!r}"
+        for row in sorted(mend.label_of_control)
+    ]
     more = len(parts) - MAX_LISTED
     return "; ".join(parts[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
 

@@ -275,6 +275,7 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
     sigma_px = survey.pick_sigma_px.copy()
     start, end = survey.line_start.copy(), survey.line_end.copy()
     length, free = survey.length_m.copy(), survey.is_free.copy()
+    control = survey.control_label.copy()
     for pick, right in mend.label_of_pick.items():
         label[pick] = right
     for pick, place in mend.pixel_of_pick.items():
@@ -287,6 +288,8 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
         start[line], end[line] = ends
     for of, height in mend.free.items():
         free[of] = height
+    for row, right in mend.label_of_control.items():
+        control[row] = right
     along: tuple[Along, ...] = survey.line_along
     if mend.level:
         written: list[Along] = [*along] or ["slope"] * len(start)
@@ -303,6 +306,7 @@ def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
         length_m=length,
         is_free=free,
         line_along=along,
+        control_label=control,
     )
     return _set_apart(changed, mend.apart) if mend.apart else changed
 

@@ -159,8 +159,8 @@ class IdentifiedCauses(NamedTuple):
     explanations
         For each cause, the corrected survey adjusted, and likewise for its rival; none where that
         was not tried.
-    wrong
-        Picks that the causes prove wrong.
+    wrong, wrong_lines
+        Picks, and lengths, that the causes prove wrong.
     possible
         Mistakes that explain the remaining misfit about as well as wrong readings do, the likeliest
         first.
@@ -181,6 +181,7 @@ class IdentifiedCauses(NamedTuple):
     freed: tuple[Callable[[Survey], Survey] | None, ...]
     explanations: tuple[tuple[Explanation, ...], ...]
     wrong: frozenset[int] = frozenset()
+    wrong_lines: frozenset[int] = frozenset()
     possible: tuple[JudgedHypothesis, ...] = ()
     cost: float = np.inf
     fits: bool = False
@@ -252,7 +253,8 @@ def _identify_in_turn(
     freed: list[Callable[[Survey], Survey] | None] = []
     explanations: list[tuple[Explanation, ...]] = []
     judged: list[JudgedHypothesis] = []
-    wrong, possible = frozenset[int](), tuple[JudgedHypothesis, ...]()
+    wrong, wrong_lines = frozenset[int](), frozenset[int]()
+    possible: tuple[JudgedHypothesis, ...] = ()
     stated, price = diagnosis, 0.0
     restored: Diagnosis | None = None
     for left in range(most, 0, -1):
@@ -271,6 +273,7 @@ def _identify_in_turn(
             freed.append(_choose_release(best, rival))
             explanations.append(_list_explanations(diagnosis, best, others))
             wrong |= _list_wrong_picks(best, rival)
+            wrong_lines |= _list_wrong_lines(best, rival)
             judged.append(best)
         if best.after is None:
             break
@@ -284,6 +287,7 @@ def _identify_in_turn(
         tuple(freed),
         tuple(explanations),
         wrong,
+        wrong_lines,
         possible,
         cost=cost,
         fits=not has_misfit(diagnosis),
@@ -339,6 +343,14 @@ def _list_wrong_picks(best: JudgedHypothesis, rival: JudgedHypothesis | None) ->
         # Of two places of a point, either is right, but not both.
         return one.mend.apart
     return one.mend.picks | one.mend.without_picks
+
+
+def _list_wrong_lines(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> frozenset[int]:
+    """List the lengths that a cause proves wrong: none where another cause explains as much."""
+    one = best.hypothesis
+    if best.after is None or one.mend is None or rival or one.equal or not one.is_clear:
+        return frozenset()
+    return one.mend.lines
 
 
 def _choose_release(

@@ -81,6 +81,49 @@ def propose_swapped_pair(diagnosis: Diagnosis, names: tuple[str, ...]) -> Iterat
     )
 
 
+def propose_label_of_control(diagnosis: Diagnosis, names: tuple[str, str]) -> Iterator[Hypothesis]:
+    """Propose that a control point has the label of another point in the list of control points.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    names
+        Label of the control point as stated, and that of the point at its coordinates.
+    """
+    survey = diagnosis.survey
+    stated, right = (survey.label.index(name) for name in names)
+    if right in survey.control_label:
+        return  # it has coordinates of its own
+    (row,) = np.flatnonzero(survey.control_label == stated).tolist()
+    yield Hypothesis(
+        message=partial(_label_of_control_message, names),
+        mend=SurveyCorrection(label_of_control={row: right}),
+        is_of_all=True,
+        promise=diagnosis.cost,  # upper limit
+        price=float(np.log(len(survey.label) - 1)),
+    )
+
+
+def _label_of_control_message(names: tuple[str, str], _: HypothesisTest | None) -> Message:
+    """Report a control point with the label of another point."""
+    stated, right = names
+    return Message(
+        "warning",
+        "control-label-wrong",
+        f"The control point {stated!r} seems to be the point {right!r}: everything fits if its "
+        f"coordinates are those of {right!r}. Look at both points in the photos; then correct the "
+        "label in the list of control points.",
+        labels=names,
+        several=MessagePlural(
+            "{count} control points seem to have the labels of other points",
+            f"{stated!r} seems to be {right!r}",
+            ending="Look at these points in the photos; then correct the labels in the list of "
+            "control points.",
+        ),
+    )
+
+
 def _rank_by_places(diagnosis: Diagnosis, wrong: Ints) -> list[tuple[tuple[int, int], float]]:
     """List pairs of labels whose exchange lets lengths fit between the points as adjusted.
 
