@@ -22,7 +22,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Refined, Removal, explain
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey import Survey
+from uavgram.model.survey import Cause, Survey
 from uavgram.model.work import report_work
 from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise, find_participants
 from uavgram.stages.refine.blunder_removal import MAX_REMOVED_SHARE, find_blunder
@@ -129,6 +129,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
             ),
         )
     causes = drop_insignificant_errors(begun.causes, refined.adjustment, noise)
+    causes = tuple(_mention_left_out_lengths(one, survey, refined) for one in causes)
     named = {one.message.code for one in causes}
     forbidding = tuple(one for one in begun.forbidding if one[0] in named)
     refined = replace(refined, noise=noise, stated=stated_fit)
@@ -164,6 +165,16 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     if not any("lengths" in one.message.code for one in causes):
         search += report_possible_errors(refined.adjustment)
     return refined, (*messages, *report_refinement(survey, refined), *search)
+
+
+def _mention_left_out_lengths(cause: Cause, survey: Survey, refined: Refined) -> Cause:
+    """Add to the message on several lengths that they were left out, if all of them were."""
+    message = cause.message
+    used = {survey.line_name[k] for k in np.flatnonzero(~refined.line_removed) if survey.line_name}
+    if len(message.lengths) < 2 or not used.isdisjoint(message.lengths):
+        return cause
+    text = f"{message.text} The results do without these lengths."
+    return replace(cause, message=replace(message, text=text))
 
 
 def _is_on_height_of(message: Message, names: Collection[str]) -> bool:
