@@ -22,7 +22,7 @@ from uavgram.model.observations import KnownLines, KnownWorldPoints, Measurement
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import MeasurementStatus, Noise, PickNoise, Verdict
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.survey import Cause, Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, compute_fit
 from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
@@ -119,17 +119,6 @@ def test_what_was_mended_bends_nothing_any_more(clean: Judged) -> None:
     assert status == ("ok", "ok")
 
 
-@pytest.mark.parametrize(("is_accounted", "level"), [(True, "amber"), (False, "red")])
-def test_a_turned_mount_is_red_unless_the_results_take_it_into_account(
-    clean: Judged, level: str, *, is_accounted: bool
-) -> None:
-    found = of("gimbal-off"), of("mount-turned")
-    cause = Cause(message=found[0], mend=None, gain=99.0, is_accounted=is_accounted)
-    refined = replace(clean.examined.refined, causes=(cause,))
-    judged = clean._replace(examined=replace(clean.examined, refined=refined))
-    assert judged.verdict(*found)[0].level == level
-
-
 def test_lengths_that_were_left_out_bend_nothing(clean: Judged) -> None:
     """All others, too, if a cause names them: the log alone gives the scale then."""
     names = clean.examined.adjustment.survey.line_name
@@ -170,7 +159,7 @@ def test_values_and_places_without_a_mistake_contradict_the_result(
     assert contradicts_result(table, here, table.value, there) == (sigmas > 3.5)
 
 
-@pytest.mark.parametrize("code", ["mount-turned", "photos-mirrored", "control-shifted"])
+@pytest.mark.parametrize("code", ["photos-mirrored", "control-shifted"])
 def test_a_log_that_was_left_out_bends_nothing(clean: Judged, code: str) -> None:
     examined = clean.examined
     some, *others = examined.adjustment.survey.frame_id

@@ -20,7 +20,8 @@ from uavgram.model.flight_log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import adjust_survey
-from uavgram.stages.seed.clock import STEP_S, find_other_clock
+from uavgram.stages.seed.clock import STEP_S
+from uavgram.stages.seed.common_errors import find_common_error
 
 
 def late(scene: Scene, off_s: float) -> Survey:
@@ -60,8 +61,9 @@ def test_a_clock_that_is_seconds_off_is_found_and_named_alone(off_s: float) -> N
     survey = late(scene, off_s)
     true_s = off_s + scene.truth.telemetry[10]
 
-    found = find_other_clock(survey)
+    found = find_common_error(survey)
     assert found is not None
+    assert found.message is None
     assert found.shift_s == pytest.approx(true_s, abs=2 * STEP_S)
 
     refined, messages = adjust_survey(survey, SolveOptions())
@@ -76,10 +78,10 @@ def test_a_clock_that_is_seconds_off_is_found_and_named_alone(off_s: float) -> N
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_right_clock_is_not_moved(scene_factory: Callable[..., Scene], seed: int) -> None:
-    assert find_other_clock(late(scene_factory(seed, frames=1 + seed % 6), 0.0)) is None
+    assert find_common_error(late(scene_factory(seed, frames=1 + seed % 6), 0.0)) is None
 
 
 def test_photos_of_one_place_or_without_a_log_have_no_other_clock() -> None:
     scene = make_scene(3, frames=4)
-    assert find_other_clock(late(make_scene(3, frames=1), 9.0)) is None
-    assert find_other_clock(replace(scene.survey, telemetry=None, seeds=None, track=None)) is None
+    assert find_common_error(late(make_scene(3, frames=1), 9.0)) is None
+    assert find_common_error(replace(scene.survey, telemetry=None, seeds=None, track=None)) is None

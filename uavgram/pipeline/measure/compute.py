@@ -72,9 +72,8 @@ from uavgram.stages.messages import (
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.remedies import keep_first_clicks
-from uavgram.stages.seed.clock import find_other_clock
+from uavgram.stages.seed.common_errors import find_common_error
 from uavgram.stages.seed.headings import find_headings
-from uavgram.stages.seed.mount import find_turned_mount
 from uavgram.stages.summarise import (
     summarise_areas,
     summarise_frames,
@@ -419,20 +418,18 @@ def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> 
 
 
 def adjust_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
-    """Adjust the survey; a wrong clock and a wrongly mounted camera are the first suspects."""
-    clock = find_other_clock(survey) if options.noise == "estimate" else None
-    survey = survey if clock is None else clock.survey
-    mount = find_turned_mount(survey)
+    """Adjust the survey without an error common to all poses of its log."""
+    error = find_common_error(survey) if options.noise == "estimate" else None
+    if error is None:
+        return refine(survey, options)
     try:
-        refined, messages = refine(survey, options)
+        refined, messages = refine(error.survey, options)
     except GeometryError as why:
-        if mount is not None:  # the cause
-            raise GeometryError(f"{mount.text} ({why})") from why
+        if error.message is not None:  # the cause
+            raise GeometryError(f"{error.message.text} ({why})") from why
         raise
-    before = () if mount is None else (mount,)
-    if clock is not None:
-        before = (_report_clock(refined.adjustment, clock.shift_s), *before)
-    return refined, (*before, *messages)
+    message = error.message or _report_clock(refined.adjustment, error.shift_s)
+    return refined, (message, *messages)
 
 
 def _report_clock(adjustment: Adjustment, shift_s: float) -> Message:

@@ -193,10 +193,7 @@ def determine_verdict(
     """
     codes = {m.code for m in messages}
     is_part = {m.code for m in messages if entry_of(m.code).part_of in codes}
-    accounted = {one.message.code for one in examined.refined.causes if one.is_accounted}
-    settled = accounted | {*put_right}
-    gone = {*put_right} | {m.code for m in messages if entry_of(m.code).part_of in settled}
-    still = [m for m in messages if m.code not in gone]
+    still = [m for m in messages if m.code not in put_right]
     bent = fit.core < CONTRADICTION_PROBABILITY or any(
         _effect(m) is Effect.RED and m.code not in harmless and not _is_left_out(m, examined)
         for m in still

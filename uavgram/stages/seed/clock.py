@@ -1,19 +1,13 @@
-"""Test the stated clock of the camera by the scatter of points, before the adjustment.
-
-A clock that is off by tens of seconds puts every photo elsewhere on the flight. The adjustment then
-begins too far from the truth. But points in several photos are far apart on the ground by the
-stated clock, and close together by the right one.
-"""
+"""Another clock of the camera than stated, by the scatter of points in several photos."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.motion.camera_motion import (
     HEADING_BIAS,
     LEVER_ARM,
@@ -25,7 +19,6 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import Track
 from uavgram.model.frames import PhotoExposures, Poses, TelemetryPrior
 from uavgram.model.survey import Survey
-from uavgram.stages.seed.mount import MAX_SCATTER_RATIO, compute_scatter
 
 MAX_CLOCK_S, STEP_S = 60.0, 0.5
 """Largest correction of the clock in the search, and its step [s]."""
@@ -36,10 +29,6 @@ CLOCK_SIGMAS = 3.0
 MAX_ALIKE_RATIO, MAX_HOVER_S = 2.0, 10.0
 """Ratio of the scatter to the least one up to which an instant fits alike; and the largest time
 between both [s]."""
-
-MIN_SCATTER_SHARE = 0.05
-"""Scatter by the stated clock, as a share of the height above the ground, below which it is right:
-at most 0.04 in faultless surveys, at least 0.08 by clocks that are 8 s off."""
 
 MAX_POSES = 10_000
 """Number of poses that are predicted at once."""
@@ -52,52 +41,50 @@ class OtherClock(NamedTuple):
     ----------
     survey
         The survey with seeds by that clock, and a prior about it.
+    scatter_m
+        Scatter of points in several photos [m].
     shift_s
         Correction of the stated clock [s].
     """
 
     survey: Survey
+    scatter_m: float
     shift_s: float
 
 
-def find_other_clock(survey: Survey) -> OtherClock | None:
-    """Move a survey to another clock that reduces the scatter of points in several photos by far.
+def find_other_clock(
+    survey: Survey, compute_scatter_m: Callable[[Poses], float]
+) -> OtherClock | None:
+    """Find the other clock with the least scatter of points in several photos.
 
     Parameters
     ----------
     survey
         Survey with the track of a log; without it, the clock does not matter.
+    compute_scatter_m
+        Function that computes the scatter [m].
 
     Returns
     -------
     OtherClock or None
-        None where the stated clock is in order, or undetermined.
+        None where the log has no other instants.
     """
     prior, track, seeds = survey.telemetry, survey.track, survey.seeds
     if prior is None or seeds is None or track is None or isinstance(track, PhotoExposures):
-        return None
-    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-
-    def scatter_m(poses: Poses) -> float:
-        return compute_scatter(survey, poses, ray, np.eye(3))
-
-    stated_m, height_m = scatter_m(seeds), seeds.center_world_m[:, 2] - survey.ground.height_m
-    if len(np.unique(survey.pick_frame)) < 2 or stated_m < MIN_SCATTER_SHARE * float(
-        np.median(height_m)
-    ):
         return None
     tried = np.arange(-MAX_CLOCK_S, MAX_CLOCK_S + STEP_S / 2.0, STEP_S)
     tried = tried[np.abs(tried) > CLOCK_SIGMAS * prior.clock_sigma_s]
     first_s, last_s = _find_span(track)
     inside = (tried >= prior.time_s.max() - last_s) & (tried <= prior.time_s.min() - first_s)
     tried = tried[inside]
-    found = [scatter_m(poses) for poses in _predict_seeds(survey, prior, track, seeds, tried)]
-    least_m = min(found, default=np.inf)
-    if not least_m < MAX_SCATTER_RATIO * stated_m:
+    if not len(tried):
         return None
+    each = _predict_seeds(survey, prior, track, seeds, tried)
+    found = np.array([compute_scatter_m(poses) for poses in each])
+    least_m = float(found.min())
     # While the drone hovers, every instant fits alike: take the middle of those.
-    alike = tried[np.array(found) < MAX_ALIKE_RATIO * least_m]
-    alike = alike[np.abs(alike - tried[int(np.argmin(found))]) <= MAX_HOVER_S]
+    alike = tried[found < MAX_ALIKE_RATIO * least_m]
+    alike = alike[np.abs(alike - tried[int(found.argmin())]) <= MAX_HOVER_S]
     shift_s, sigma_s = float(alike.mean()), float(np.ptp(alike) + STEP_S) / np.sqrt(12.0)
     (there,) = _predict_seeds(survey, prior, track, seeds, np.array([shift_s]))
     moved = replace(
@@ -106,7 +93,7 @@ def find_other_clock(survey: Survey) -> OtherClock | None:
         middle_s=prior.middle_s - shift_s,
         clock_sigma_s=float(np.hypot(prior.clock_sigma_s, sigma_s)),
     )
-    return OtherClock(replace(survey, seeds=there, telemetry=moved), shift_s)
+    return OtherClock(replace(survey, seeds=there, telemetry=moved), least_m, shift_s)
 
 
 def _find_span(track: Track) -> tuple[float, float]:
