@@ -85,3 +85,9 @@ def test_photos_of_one_place_or_without_a_log_have_no_other_clock() -> None:
     scene = make_scene(3, frames=4)
     assert find_common_error(late(make_scene(3, frames=1), 9.0)) is None
     assert find_common_error(replace(scene.survey, telemetry=None, seeds=None, track=None)) is None
+
+
+def test_points_above_the_cameras_have_no_other_clock() -> None:
+    survey = late(make_scene(3, frames=4), 9.0)
+    above_m = np.full(len(survey.label), 500.0)
+    assert find_common_error(replace(survey, height_above_m=above_m)) is None

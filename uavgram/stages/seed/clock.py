@@ -67,7 +67,7 @@ def find_other_clock(
     Returns
     -------
     OtherClock or None
-        None where the log has no other instants.
+        None where the log has no other instants, or shows the points in the sky at all of them.
     """
     prior, track, seeds = survey.telemetry, survey.track, survey.seeds
     if prior is None or seeds is None or track is None or isinstance(track, PhotoExposures):
@@ -77,10 +77,10 @@ def find_other_clock(
     first_s, last_s = _find_span(track)
     inside = (tried >= prior.time_s.max() - last_s) & (tried <= prior.time_s.min() - first_s)
     tried = tried[inside]
-    if not len(tried):
-        return None
     each = _predict_seeds(survey, prior, track, seeds, tried)
     found = np.array([compute_scatter_m(poses) for poses in each])
+    if not np.isfinite(found).any():
+        return None
     least_m = float(found.min())
     # While the drone hovers, every instant fits alike: take the middle of those.
     alike = tried[found < MAX_ALIKE_RATIO * least_m]
