@@ -166,6 +166,15 @@ def compute_gains(
     return np.asarray(np.sum(np.where(is_checked, gain, 0.0), axis=1))
 
 
+def invert_information(
+    plain: Floats, information: Floats, least: float = MIN_RESIDUAL_SHARE
+) -> Floats:
+    """Invert R (q, q) in the directions that show in the residuals (see `compute_gains`)."""
+    scale, share, axes = _find_directions(plain, information)
+    along = scale[:, None] * axes[:, share > least]
+    return np.asarray((along / share[share > least]) @ along.T)
+
+
 def _find_directions(plain: Floats, information: Floats) -> tuple[Floats, Floats, Floats]:
     """Find the directions of unknowns, and the shares of them that show in the residuals.
 

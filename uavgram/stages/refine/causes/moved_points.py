@@ -22,6 +22,7 @@ from uavgram.estimation.reliability.hypotheses import (
     compute_gains,
     compute_log_probability,
     derive_picks_by_place,
+    invert_information,
 )
 from uavgram.estimation.solver.normal_equations import compute_gradient
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
@@ -362,28 +363,59 @@ class _Parts:
 
     def _add_points(self, moved: list[int], order: Ints) -> list[int]:
         """Add the point that explains most, until none explains much."""
-        (gain,) = self.compute_gains(np.array([moved]))
         while 2 * len(moved) < len(order):
-            others = [k for k in order.tolist() if k not in moved][:MAX_TESTED]
-            gains = self.compute_gains(np.array([[*moved, k] for k in others]))
+            others = np.array([k for k in order.tolist() if k not in moved][:MAX_TESTED])
+            gains = self._compute_additional_gains(moved, others)
             best = int(np.argmax(gains))
-            if gains[best] < gain + LEAST_DECREASE:
+            if gains[best] < LEAST_DECREASE:
                 break
-            moved, gain = [*moved, others[best]], gains[best]
+            moved = [*moved, int(others[best])]
         return moved
 
     def _drop_points(self, moved: list[int]) -> _Moved | None:
         """Drop points that explain little once the others were selected."""
-        (gain,) = self.compute_gains(np.array([moved]))
         while len(moved) >= LEAST_MOVED:
-            without = [[one for one in moved if one != k] for k in moved]
-            gains = self.compute_gains(np.array(without))
-            best = int(np.argmax(gains))
-            if gains[best] < gain - LEAST_DECREASE:
+            losses = self._compute_losses(moved)
+            least = int(np.argmin(losses))
+            if losses[least] > LEAST_DECREASE:
+                (gain,) = self.compute_gains(np.array([moved]))
                 label = tuple(self.label[moved].tolist())
                 return _Moved(label, self.is_apart, float(gain), len(self.label))
-            moved, gain = without[best], gains[best]
+            moved = [k for k in moved if k != moved[least]]
         return None
+
+    def _compute_additional_gains(self, moved: list[int], others: Ints) -> Floats:
+        """Compute the further decrease of the sum of squares by each of n other points (n,).
+
+        With the points S that are selected, the test of another point k has the information R_kk -
+        R_kS R_SS^-1 R_Sk (Schur's complement), and its score is reduced alike.
+        """
+        inverse, value = self._solve(moved)
+        joint = self.information[others[:, None], :, moved, :]  # (n, m, 2, 2)
+        joint = joint.transpose(0, 2, 1, 3).reshape(len(others), 2, -1)
+        score = self.score[others] - joint @ value
+        own = self.information[others, :, others, :]
+        own = own - joint @ inverse @ joint.transpose(0, 2, 1)
+        return compute_gains(score, self.plain[others], own)
+
+    def _compute_losses(self, moved: list[int]) -> Floats:
+        """Compute the increases (m,) of the sum of squares without each of m points.
+
+        With values x and covariance Q of all of them, x_k^T Q_kk^-1 x_k.
+        """
+        inverse, value = self._solve(moved)
+        row = 2 * np.arange(len(moved))[:, None] + np.arange(2)
+        own = inverse[row[:, :, None], row[:, None, :]]
+        weight = np.linalg.pinv(own, hermitian=True)
+        return np.asarray(np.einsum("nq,nqp,np->n", value[row], weight, value[row]))
+
+    def _solve(self, moved: list[int]) -> tuple[Floats, Floats]:
+        """Return R^-1 (2m, 2m) of some points, and R^-1 times their score (2m,)."""
+        size = 2 * len(moved)
+        joint = self.information[np.array(moved)[:, None], :, moved, :]  # (m, m, 2, 2)
+        information = joint.transpose(0, 2, 1, 3).reshape(size, size)
+        inverse = invert_information(self.plain[moved].ravel(), information)
+        return inverse, inverse @ self.score[moved].ravel()
 
     def compute_gains(self, sets: Ints) -> Floats:
         """Compute the decrease of the sum of squares for each of n sets (n, m) of moved points."""
