@@ -81,6 +81,9 @@ class Remedy:
     corrections: tuple[Correction, ...] = ()
 
 
+FREE_HEIGHT = "(`free` in the column height_m of picks.csv)"
+"""The way, in files, to let the height of a point be found."""
+
 JUST_AS_LIKELY = "Or, just as likely:"
 """Begin a sentence on another cause that explains a misfit as well."""
 

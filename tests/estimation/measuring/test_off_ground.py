@@ -215,7 +215,7 @@ WHY = {
     "strip": (ask("volume", "1 2 3", level=0.0), "in line, seen from above"),
     "base": (ask("volume", "4 5 6 1 2 3", plane=1.0), "in line, or their plane is upright"),
     "top": (ask("volume", "1 4 6 5", top=1.0, level=0.0), "in sight of all"),
-    "on the ground": (ask("height", "5"), "'P5' is a point on it: write `free`"),
+    "on the ground": (ask("height", "5"), "'P5' is a point on it: let its height be found"),
     "stated": (ask("height", "9"), "'P9' is 0.7 m over it, as stated"),
 }
 

@@ -25,7 +25,8 @@ IN_SET_UP = ": in the set-up of the folder; under Camera, 'Change camera, mount,
         ),
         ("Set --fix-aspect, or take photos rolled.", "Take photos rolled."),
         (
-            "To confirm it, write `free` as the height_m of its picks, or the height.",
+            "To confirm it, let its height be found from the photos (`free` in the column height_m "
+            "of picks.csv), or enter it.",
             "To confirm it, let its height be found from the photos (key Q), or enter it.",
         ),
         (

@@ -234,7 +234,7 @@ def test_the_message_carries_each_label_with_height_and_sigma() -> None:
     assert set(told.labels) == names(CAR)
     np.testing.assert_array_equal(told.heights_m, height[row])
     np.testing.assert_array_equal(told.heights_sigma_m, sigma[row])
-    assert "write `free` as the height_m" in told.text
+    assert "`free` in the column height_m" in told.text
     assert told.record()["heights_m"] == list(told.heights_m)
 
 

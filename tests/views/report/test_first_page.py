@@ -16,11 +16,12 @@ from PIL import Image
 from uavgram.imaging.photos.preview import IDENTITY_TONE
 from uavgram.imaging.top_view.mosaic import MOST_PX, GroundTexture, cut_ground
 from uavgram.model.provenance import case_from_options
-from uavgram.model.result.reliability import MeasurementStatus, Verdict
+from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict
 from uavgram.model.result.result import NO_PICTURES, Result
 from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.report import ground_extent, render_annex, render_report
 from uavgram.views.report.first_page import (
+    MAX_PLAN,
     FEW_ROWS,
     MAX_NAMES,
     MAX_ROWS,
@@ -243,3 +244,17 @@ def test_the_plan_tells_of_how_many_measurements_it_names_the_least_certain() ->
         render_report(many)
     )
     assert "least certain for their size are named" not in render_report(survey.build())
+
+
+def test_the_plan_has_a_page_of_its_own_where_the_first_one_is_full() -> None:
+    pairs = enumerate(pairwise(f"P{i:02d}" for i in range(30)))
+    many = survey.build(measures=tuple((f"D{i}", "distance", pair, "m") for i, pair in pairs))
+    reason = Reason(cause="nothing-checks", text="Click these points once more. " * 60)
+    full = replace(many, verdict=Verdict(level="amber", reasons=(reason,)))
+
+    for result, has_own_page in ((survey.build(), False), (full, True)):
+        html = render_report(result)
+        assert html.count('<div class="own-page">') == has_own_page
+        assert html.count("<header") == html.count("</header>")
+        assert html.count("<div") == html.count("</div>")
+        assert (lay_out_brief(result).plan_height > MAX_PLAN) == has_own_page

@@ -23,6 +23,7 @@ from uavgram.geometry.ground import measurements
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.frames import Frames
+from uavgram.model.message import FREE_HEIGHT
 from uavgram.model.observations import MEASUREMENT_FORMS, MeasurementRequest
 from uavgram.model.survey import Survey
 
@@ -226,8 +227,8 @@ def _explain_height(label: str, height_m: float) -> str:
     """Explain why the height of a point cannot be measured."""
     where = f"is {height_m:g} m over it, as stated" if height_m else "is a point on it"
     return (
-        f"the height is that over the ground, and {label!r} {where}: write `free` as the "
-        "height_m of its picks, to have it found"
+        f"the height is that over the ground, and {label!r} {where}: let its height "
+        f"be found from the photos {FREE_HEIGHT}"
     )
 
 

@@ -13,6 +13,7 @@ from dataclasses import is_dataclass
 from typing import get_type_hints
 
 from uavgram.config.project import PROJECT_FILE
+from uavgram.model.message import FREE_HEIGHT
 from uavgram.model.naming import join_names
 from uavgram.model.options import Project
 
@@ -43,10 +44,7 @@ WAYS = tuple(
         (r"Set --fix-aspect, or take", "Take"),
         (r" \(--coefficients auto chooses\)", ""),
         (r"state --control-sigma-m\b", "state how well the points are known (±)"),
-        (
-            r"write `free` as (?:the )?height_m of (its|their) picks(?:, or the heights?)?",
-            r"let \1 height be found from the photos (key Q), or enter it",
-        ),
+        (re.escape(FREE_HEIGHT), "(key Q)"),
         (r"write `auto` into `mount`", "choose 'As recorded' for `mount`"),
     )
 )

@@ -14,7 +14,7 @@ from uavgram.estimation.survey.known_kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.known import compute_known_rows, describe_thing
 from uavgram.geometry.ground.conditions import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.message import Message, MessagePlural
+from uavgram.model.message import FREE_HEIGHT, Message, MessagePlural
 from uavgram.model.naming import format_digits, format_misfit
 from uavgram.model.observations import KnownThing, KnownThings, LinePosition
 from uavgram.model.result.tables import (
@@ -218,13 +218,13 @@ def _idle(known: KnownThings, i: int) -> Message:
         "warning",
         "known-idle",
         f"The {what} is not used: by their picks all of its points are on the ground, where it "
-        "adds no information. Where that is wrong, write `free` as the height_m of their picks.",
+        f"adds no information. Where that is wrong, let their heights be found {FREE_HEIGHT}.",
         labels=known.points[i],
         several=MessagePlural(
             "{count} known things are not used, as by their picks all of their points are on the "
             "ground, where they add no information",
             what,
-            ending="Where that is wrong, write `free` as the height_m of their picks.",
+            ending=f"Where that is wrong, let their heights be found {FREE_HEIGHT}.",
         ),
     )
 

@@ -33,6 +33,7 @@ from uavgram.estimation.survey.adjustment import (
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import (
+    FREE_HEIGHT,
     Message,
     MessagePlural,
     propose_free_heights,
@@ -401,14 +402,14 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
     size_m, rough = abs(height_m), min(digits, 1 if abs(height_m) >= 1.0 else 2)
     other = " (or one of its two picks is on another thing)" if photos == UNCHECKED_PHOTOS else ""
     text = (
-        f"{label!r} is {size}{other}. It was adjusted with that height. To "
-        "confirm it, write `free` as the height_m of its picks, or the height if you know it."
+        f"{label!r} is {size}{other}. It was adjusted with that height. To confirm it, let its "
+        f"height be found from the photos {FREE_HEIGHT}, or enter it."
     )
     several = MessagePlural(
         "{count} points are above or below the ground, and were adjusted with these heights",
         f"{label!r} {abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side}{other}",
-        ending="To confirm it, write `free` as the height_m of their picks, or the heights "
-        "if you know them.",
+        ending=f"To confirm it, let their heights be found from the photos {FREE_HEIGHT}, or enter "
+        "them.",
     )
     return Message(
         "warning",

@@ -16,7 +16,7 @@ from uavgram.views.report.pictures import GROUND, picture_mark
 from uavgram.views.survey.fit import checks_summary
 from uavgram.views.survey.key_facts import accuracy_words, note_automatic_values
 from uavgram.views.survey.top_view import TopView, fit_layout, mark_used_points, top_view
-from uavgram.views.survey.verdict import describe_undetectable
+from uavgram.views.survey.verdict import describe_undetectable, verdict_sentence
 
 
 def ground_extent(result: Result) -> tuple[Floats, Floats] | None:
@@ -48,8 +48,13 @@ least certain."""
 FEW_ROWS = 2
 """Number of measurements more than that which are shown too, rather than counted."""
 
-MIN_PLAN, MAX_PLAN, ROW = 330.0, 680.0, 25.0
-"""Limits of the plan's height, and height of a row of a table above it, in units of its drawing."""
+MIN_PLAN, MAX_PLAN, OWN_PAGE_PLAN = 330.0, 680.0, 860.0
+"""Limits of the plan's height on the first page, and its height on a page of its own, in units of
+its drawing (a quarter of a millimetre on paper)."""
+
+PAGE, HEAD, ROW, LINE, LETTERS = 1060.0, 240.0, 22.0, 18.0, 110
+"""Height of a page between its margins, of title and captions, of a row of a table and of a line of
+text, in the same units; and number of letters of a line."""
 
 MAX_REASONS = 2
 """Number of reasons of the verdict beside the first; the warnings have them all."""
@@ -68,6 +73,8 @@ class Brief(NamedTuple):
         Rows of the measurements that are shown, and number of the others.
     plan_height
         Height of the plan as it is drawn; on paper it is as high as there is room.
+    has_own_page
+        Whether the plan is on a page of its own, as there is too little room.
     reasons, reasons_more
         Reasons of the verdict beside the first, and number of those not shown.
     accuracy
@@ -80,6 +87,7 @@ class Brief(NamedTuple):
     rows: tuple[int, ...]
     more: int
     plan_height: float
+    has_own_page: bool
     reasons: tuple[str, ...]
     reasons_more: int
     accuracy: str
@@ -96,11 +104,15 @@ def lay_out_brief(result: Result) -> Brief:
     accuracy = "" if result.verdict.level == "red" else accuracy_words(result)
     limits = tuple(_limits(result))
     count = len(order) if len(order) <= MAX_ROWS + FEW_ROWS else MAX_ROWS
+    texts = [verdict_sentence(result), *reasons, accuracy, " ".join(limits)]
+    lines = sum(-(-len(text) // LETTERS) for text in texts)
+    room = PAGE - HEAD - ROW * (count + len(case)) - LINE * lines
     return Brief(
         case=case,
         rows=select_least_certain(result.measurements, order, count),
         more=len(order[count:]),
-        plan_height=max(MAX_PLAN - ROW * (count + len(case)), MIN_PLAN),
+        plan_height=min(room, MAX_PLAN) if room > MIN_PLAN else OWN_PAGE_PLAN,
+        has_own_page=room <= MIN_PLAN,
         reasons=tuple(reasons),
         reasons_more=len(others[MAX_REASONS:]),
         accuracy=accuracy,
