@@ -21,9 +21,9 @@ from uavgram.model.result.result import NO_PICTURES, Result
 from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.report import ground_extent, render_annex, render_report
 from uavgram.views.report.first_page import (
-    MAX_PLAN,
     FEW_ROWS,
     MAX_NAMES,
+    MAX_PLAN,
     MAX_ROWS,
     lay_out_brief,
 )
