@@ -87,7 +87,10 @@ def test_what_is_known_stands_beside_an_amber_light() -> None:
     verdict = Verdict(level="amber", reasons=(Reason(cause="nothing-checks", text="Tape more."),))
 
     words = told_of(replace(made, verdict=verdict))["words"]
-    assert words == "Check: of 10 measurements, 7 are ok, 2 are not checked and 1 is not computed."
+    assert words == (
+        "Check: of 10 measurements, 7 are ok, 2 are not checked (skid left and skid right) and 1 "
+        "is not computed (to the tree)."
+    )
 
 
 def test_each_measurement_has_its_own_reason() -> None:

@@ -105,7 +105,9 @@ def test_several_photos_show_it_and_a_length_with_little_redundancy_is_named(
     lengths = tuple(f"L{k}" for k in range(1, 7))
     result = result_of(street, tmp_path, photos=photos, clicks=1, lengths=lengths)
 
-    assert result.verdict.reasons[0].cause == "gimbal-off"
+    assert result.verdict.reasons[0].cause == "mount-turned"
+    assert result.verdict.reasons[0].text.startswith("The camera did not look straight down")
+    assert "all photos turned by +45 degrees up or down (pitch)" in result.verdict.reasons[0].text
     assert result.measurements.status == ("not-checked",)
     assert "an error in the length 'L4' ('R7' to 'R8') would not" in result.verdict.reasons[1].text
     assert abs(result.measurements.value[0] - TRUE_M) < 3.0 * result.measurements.sigma[0]

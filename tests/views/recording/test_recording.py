@@ -414,7 +414,8 @@ def test_the_summary_opens_with_what_is_wrong(contents: Contents) -> None:
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
 
     assert text.startswith(
-        "# ⚠ Check: of 10 measurements, 9 are doubtful and 1 is not computed.\n\n"
+        "# ⚠ Check: of 10 measurements, 9 are doubtful (skid left, skid right, road width and 6 "
+        "more) and 1 is not computed (to the tree).\n\n"
         "1. Line 'R3 hedge' disagrees"
     )
     assert "'to the tree' cannot be measured" in text

@@ -60,7 +60,10 @@ def test_two_measurements_are_both_in_order() -> None:
     made = survey.build(clean=True)
     two = verdict_words(replace(made, measurements=first_rows(made.measurements, 2)))
 
-    assert two.sentence == "Verdict: green, in order: both measurements fit and are checked."
+    assert two.sentence == (
+        "Verdict: green, in order: skid left is 39.612 ± 0.021 m and skid right is 43.388 ± 0.034 "
+        "m; both fit and are checked."
+    )
 
 
 def test_readings_that_are_checked_roughly_are_no_full_check() -> None:
@@ -93,8 +96,8 @@ def test_amber_does_not_claim_that_all_is_in_order() -> None:
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
     assert verdict_sentence(survey.build()) == (
-        "Verdict: amber, check this first: of 10 measurements, 9 are doubtful and 1 is not "
-        "computed. "
+        "Verdict: amber, check this first: of 10 measurements, 9 are doubtful (skid left, skid "
+        "right, road width and 6 more) and 1 is not computed (to the tree). "
         "Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): read the tape again. "
         "(And 1 other reason.)"
     )
@@ -106,8 +109,8 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
     amber = Verdict(level="amber", reasons=(replace(reason, instead=(free,)),))
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
-        "Verdict: amber, check this first: of 10 measurements, 9 are doubtful and 1 is not "
-        "computed. "
+        "Verdict: amber, check this first: of 10 measurements, 9 are doubtful (skid left, skid "
+        "right, road width and 6 more) and 1 is not computed (to the tree). "
         "A and B seem swapped. To correct it: swap A and B, or free A."
     )
     # What is only not checked is no fault.
@@ -125,7 +128,7 @@ def test_of_several_possible_causes_the_verdict_advises_to_remove_none() -> None
     amber = Verdict(level="amber", reasons=(reason,))
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)).endswith(
-        f"not computed. {text}"
+        f"not computed (to the tree). {text}"
     )
 
 
@@ -135,6 +138,18 @@ def test_red_says_not_to_use_the_numbers_whatever_the_reason() -> None:
 
     assert verdict_sentence(red).startswith("Verdict: red, do not use these numbers. Picks and")
     assert 'class="verdict red"' in render_report(red)
+
+
+def test_up_to_three_values_are_given_with_their_statuses() -> None:
+    made = survey.build(clean=True)
+    rows = first_rows(made.measurements, 3)
+    rows = replace(rows, status=("ok", "not-checked", "doubtful"))
+    amber = replace(made, measurements=rows, verdict=Verdict(level="amber"))
+
+    assert summarise_result(amber) == (
+        "Check: skid left is 39.612 ± 0.021 m (ok), skid right is 43.388 ± 0.034 m (not checked) "
+        "and road width is 6.310 ± 0.012 m (doubtful)."
+    )
 
 
 def test_the_only_measurement_is_given_with_what_is_missing() -> None:

@@ -169,7 +169,15 @@ def compute_gains(
 def invert_information(
     plain: Floats, information: Floats, least: float = MIN_RESIDUAL_SHARE
 ) -> Floats:
-    """Invert R (q, q) in the directions that show in the residuals (see `compute_gains`)."""
+    """Invert the information of a hypothesis in the directions that show in the residuals.
+
+    Parameters
+    ----------
+    plain, information
+        (q,), (q, q): the diagonal of C^T C, and R (see `compare_hypotheses`).
+    least
+        Smallest share of a direction that has to show in the residuals.
+    """
     scale, share, axes = _find_directions(plain, information)
     along = scale[:, None] * axes[:, share > least]
     return np.asarray((along / share[share > least]) @ along.T)

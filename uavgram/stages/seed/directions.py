@@ -83,8 +83,12 @@ def _find_other_mount(
     tilt, turn = turns[best]
     how = [f"{turn:+d} degrees about the optical axis (roll)"] if turn else []
     how += [f"{tilt:+d} degrees up or down (pitch)"] if tilt else []
+    finding = "The camera seems to be mounted in another direction than the project states"
     action = "Correct `mount`, or its gimbal."
-    if not tilt:
+    if prior.mount_is_assumed:
+        finding = "The camera did not look straight down, as was assumed"
+        action = "State its direction in `mount`."
+    elif not tilt:
         action = (
             "If another program turned the photos, use those of the memory card; else correct "
             "`mount`, or its gimbal."
@@ -93,11 +97,12 @@ def _find_other_mount(
         prior,
         gimbal_from_camera=prior.gimbal_from_camera @ rotations[best],
         boresight_sigma_rad=float(np.hypot(prior.boresight_sigma_rad, REMAINING_RAD)),
+        mount_is_assumed=False,
     )
     return OtherDirections(
         replace(survey, seeds=turned[best], telemetry=prior),
         scatter_m[best],
-        "The camera seems to be mounted in another direction than the project states",
+        finding,
         f"all photos turned by {' and '.join(how)}",
         action,
     )

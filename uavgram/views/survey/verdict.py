@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from itertools import product
 from math import isfinite
 from typing import NamedTuple
@@ -26,7 +25,7 @@ LEVEL_WORDS: dict[VerdictLevel | None, str] = {
     None: "none, as nothing is measured",
 }
 MAX_NAMED = 3
-MAX_VALUES = 1
+MAX_VALUES = 3
 """Number of measurements up to which the headline gives their values, not their count."""
 
 READING_ERROR_M = 0.1
@@ -119,23 +118,39 @@ def summarise_result(result: Result) -> str:
 
 
 def _known(result: Result) -> str:
-    """Return the value of the only measurement, or the number of those of each status."""
-    rows = result.measurements
-    if len(rows.name) <= MAX_VALUES:
-        return (
-            f"{rows.name[0]} is {format_with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}"
-            f"{f', and {_checked(result, 1)}' if result.verdict.level == 'green' else ''}."
-        )
-    every = "both" if len(rows.name) == 2 else f"all {len(rows.name)}"
-    if result.verdict.level == "green":
-        return f"{every} measurements fit and {_checked(result, len(rows.name))}."
+    """Return the values of few measurements, or the number of those of each status."""
+    rows, is_green = result.measurements, result.verdict.level == "green"
+    count = len(rows.name)
+    every = "both" if count == 2 else f"all {count}"
+    if count <= MAX_VALUES:
+        checked = _checked(result, count)
+        if count == 1:
+            return f"{_value(rows, 0, is_green=True)}{f', and {checked}' if is_green else ''}."
+        values = join_names([_value(rows, row, is_green=is_green) for row in range(count)])
+        return f"{values}{f'; {every} fit and {checked}' if is_green else ''}."
+    if is_green:
+        return f"{every} measurements fit and {_checked(result, count)}."
     if all(status == "ok" for status in rows.status):
         return f"{every} measurements are in order, something else is not."
-    words = Counter(status_text(rows, row) for row in range(len(rows.name)))
-    if list(words) == [STATUS_WORDS["not-checked"]]:
-        return f"none of the {len(rows.name)} measurements is checked."
-    parts = (f"{n} {'is' if n == 1 else 'are'} {word}" for word, n in words.most_common())
-    return f"of {len(rows.name)} measurements, {join_names(parts, None)}."
+    names: dict[str, list[str]] = {}
+    for row, name in enumerate(rows.name):
+        names.setdefault(status_text(rows, row), []).append(name)
+    if list(names) == [STATUS_WORDS["not-checked"]]:
+        return f"none of the {count} measurements is checked."
+    parts = []
+    for words, some in sorted(names.items(), key=lambda one: -len(one[1])):
+        which = "" if words == STATUS_WORDS["ok"] else f" ({join_names(some, MAX_NAMED)})"
+        parts.append(f"{len(some)} {'is' if len(some) == 1 else 'are'} {words}{which}")
+    return f"of {count} measurements, {join_names(parts, None)}."
+
+
+def _value(rows: MeasurementResults, row: int, *, is_green: bool) -> str:
+    """Return ``D1 is 24.43 ± 0.79 m (not checked)``; the status only where not all is in order."""
+    status = status_text(rows, row)
+    if status == NOT_COMPUTED:
+        return f"{rows.name[row]} is {NOT_COMPUTED}"
+    value = format_with_sigma(rows.value[row], rows.sigma[row], rows.unit[row])
+    return f"{rows.name[row]} is {value}{'' if is_green else f' ({status})'}"
 
 
 def _checked(result: Result, count: int) -> str:
