@@ -644,3 +644,20 @@ def test_two_clicks_on_a_wrong_thing_do_not_outvote_another_photo(
     else:  # its height would explain both, or nothing shows which is wrong
         assert right not in found.refined.pick_reason
         assert {*found.contradicting, *found.labels} == {survey.label[label]}
+
+
+def test_a_photo_that_one_wrong_pick_spoilt_comes_back_without_that_pick() -> None:
+    """It is left out, and the rest fits; but all of its other picks agree with the rest."""
+    survey = make_scene(5, frames=3, labels=14, lines=5).survey
+    wrong = int(np.flatnonzero(survey.pick_frame == 2)[3])
+    pixel = survey.pixel_px.copy()
+    pixel[wrong] += [310.0, -240.0]
+    taking = all_of(replace(survey, pixel_px=pixel))
+    found = list(robust_candidate.adjust_from_softened(taking))[:1]
+    doubted = replace(found[0], annealed=replace(found[0].annealed, frames=("f2",)))
+
+    tried = list(reduced_starts.try_without_suspects(taking, [doubted]))
+
+    best = min(tried, key=lambda one: one.cost(taking))
+    assert best.taking.keep.all()
+    assert best.first.pick_index[best.annealed.gross("pixels")].tolist() == [wrong]

@@ -156,6 +156,8 @@ def try_without_suspects(taking: Participants, found: Sequence[Candidate]) -> It
         each = chain(_adjust_from_rest(rest), adjust_from_softened(rest))
         best = sort_by_cost(rest, take_until_agreed(each))[:1]
         yield from best
+        # One wrong pick may have spoilt a photo, also in another one that shows its point.
+        yield from chain.from_iterable(_try_without_wrong_picks(taking, one) for one in best)
         names = (*names, *best[0].misplaced) if best and best[0].misplaced else ()
 
 
