@@ -46,9 +46,9 @@ model predicts more: then the reduction that is found along the step counts."""
 LARGE_SYSTEM = 10_000
 """Number of unknowns of a large system, from which that limit grows with their number."""
 
-MAX_CREEP = 1e-2
-"""Reduction in the second half of the iterations, and along one more step (a tenth of a sigma,
-squared), up to which a result counts as converged after the largest number of them: between noisy
+MAX_CREEP, MAX_LAST_STEP = 1e-2, 0.05
+"""Reduction in the second half of the iterations (a tenth of a sigma, squared), and along one more
+step, up to which a result counts as converged after the largest number of them: between noisy
 positions of a log, the sum of squares falls ever more slowly along a winding valley."""
 
 MAX_REUSE_REDUCTION = 0.1
@@ -195,7 +195,9 @@ def minimise(  # noqa: PLR0913  (settings of one algorithm)
             break
         if now.count >= most:
             creeps = 0.0 < now.halfway - now.cost < MAX_CREEP
-            is_at_rest = creeps and now.search_along(step, np.inf) < MAX_CREEP
+            if creeps:
+                is_at_rest = now.search_along(step, 0.0) < MAX_LAST_STEP
+                factor = now.normal.factor(slack)
             break
         # Where the model does not hold, as on a flight in gusts, the function itself decides: it
         # is at its minimum if it hardly decreases along that step.
