@@ -85,7 +85,7 @@ def _find_other_mount(
     how += [f"{tilt:+d} degrees up or down (pitch)"] if tilt else []
     finding = "The camera seems to be mounted in another direction than the project states"
     action = "Correct `mount`, or its gimbal."
-    if prior.mount_is_assumed:
+    if prior.mount_is_assumed and tilt:
         finding = "The camera did not look straight down, as was assumed"
         action = "State its direction in `mount`."
     elif not tilt:
