@@ -242,7 +242,7 @@ def test_headings_that_count_counterclockwise_are_named_and_corrected(
     assert_points_are_right(refined.adjustment, scene)
 
 
-@pytest.mark.parametrize("up_m", [40.0, -12.0])
+@pytest.mark.parametrize("up_m", [290.0, 40.0, -12.0])
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_heights_that_are_all_wrong_are_no_other_direction(
     scene_factory: Callable[..., Scene], seed: int, up_m: float

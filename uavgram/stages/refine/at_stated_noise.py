@@ -392,14 +392,17 @@ def _leave_out_wrong_readings(
     """
     spoilt = np.flatnonzero(Diagnosis(taking, refined).spoilt).tolist()
     others = int(refined.line_removed.sum()) + len(refined.pose_widened)
-    sound = taking
-    if not found.wrong_lines <= set(np.flatnonzero(refined.line_removed).tolist()):
+    sound, survey = taking, taking.survey
+    # Without any length, only control gives a scale that depends on no camera and no height.
+    has_scale = len(found.wrong_lines) < len(survey.line_start) or len(survey.control_label) > 1
+    is_new = not found.wrong_lines <= set(np.flatnonzero(refined.line_removed).tolist())
+    if is_new and has_scale:
         sound = taking.leave_out_lines(sorted(found.wrong_lines))
     if not found.wrong or (found.wrong == frozenset(spoilt) and not others):
         return sound
     mends = [one.hypothesis.mend for one in found.judged if one.hypothesis.mend is not None]
     moved = frozenset[int]().union(*(mend.apart for mend in mends))
-    reason = _reasons(taking.survey, sorted(found.wrong - moved))
+    reason = _reasons(survey, sorted(found.wrong - moved))
     return sound.leave_out_picks(reason | dict.fromkeys(sorted(found.wrong & moved), MOVED_POINT))
 
 

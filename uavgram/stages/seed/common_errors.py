@@ -35,9 +35,9 @@ points alike without it."""
 MAX_ALIKE_RATIO = 1.5
 """Ratio of the scatters of two corrections up to which either may be right."""
 
-HEIGHTS_M = np.arange(-60.0, 61.0, 2.5)
-"""Common errors of all heights that may explain the scatter instead [m]; the adjustment finds
-them."""
+HEIGHTS_M = np.geomspace(3.0, 500.0, 80)
+"""Heights of the cameras above the ground that may explain the scatter instead [m]: the adjustment
+finds a common error of all heights."""
 
 MIN_SHARE_ON_GROUND = 0.9
 """Share of the picks whose rays must meet the ground."""
@@ -108,7 +108,9 @@ def _find_heights_scatter_m(survey: Survey, compute_scatter_m: Callable[[Poses],
     """Return the least scatter [m] with all cameras higher or lower by one amount."""
     seeds = survey.seeds
     assert seeds is not None  # noqa: S101  (the caller asked)
-    higher = (seeds.center_world_m + np.array([0.0, 0.0, up_m]) for up_m in HEIGHTS_M)
+    above_m = float(np.median(seeds.center_world_m[:, 2]) - survey.ground.height_m)
+    up = np.array([0.0, 0.0, 1.0])
+    higher = (seeds.center_world_m + (each_m - above_m) * up for each_m in HEIGHTS_M.tolist())
     return min(compute_scatter_m(replace(seeds, center_world_m=center_m)) for center_m in higher)
 
 

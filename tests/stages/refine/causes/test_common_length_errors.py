@@ -148,3 +148,15 @@ def test_lengths_of_a_worn_tape_do_not_change_the_results_where_control_gives_th
     off = place - scene.world[adjustment.label_rows(scene.survey.label)]
     squares = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off)
     assert squares.max() < chi2.ppf(1 - LEVEL, 3)
+
+
+@pytest.mark.parametrize(("factor", "is_corrected"), [(0.05, True), (-0.05, True), (0.25, False)])
+def test_a_factor_beyond_that_of_any_tape_is_not_corrected(
+    factor: float, *, is_corrected: bool
+) -> None:
+    """The camera file or the heights of the log may give the wrong scale instead."""
+    survey = make_scene(3, frames=4, labels=14, control=5, lines=7, telemetry=False).survey
+    (cause, *_) = identify_causes(diagnosis(off_by(survey, factor, 0.0))).causes
+
+    assert cause.message.code == "lengths-factor"
+    assert (cause.mend is not None) == is_corrected

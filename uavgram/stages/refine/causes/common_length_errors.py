@@ -317,11 +317,11 @@ def _mend(diagnosis: Diagnosis, common: _Common, found: HypothesisTest) -> Surve
         return None
     lines = _lines(diagnosis, common.tape.rows)
     reading = diagnosis.survey.length_m[lines]
-    if common.is_factor:
-        right = reading / (1.0 + value)
-    elif MIN_OFFSET_M <= abs(value) <= MAX_OFFSET_M and (reading > value).all():
-        right = reading - value
-    else:
+    smallest, largest = (0.0, MAX_FACTOR) if common.is_factor else (MIN_OFFSET_M, MAX_OFFSET_M)
+    if not smallest <= abs(value) <= largest:
+        return None
+    right = reading / (1.0 + value) if common.is_factor else reading - value
+    if (right <= 0.0).any():
         return None
     return SurveyCorrection(length_m=dict(zip(lines.tolist(), right.tolist(), strict=True)))
 
