@@ -160,3 +160,4 @@ def test_a_factor_beyond_that_of_any_tape_is_not_corrected(
 
     assert cause.message.code == "lengths-factor"
     assert (cause.mend is not None) == is_corrected
+    assert ("more than the error of any tape" in cause.message.text) != is_corrected

@@ -353,6 +353,12 @@ def _factor_message(
         f"the tape is right, the scale from {witness} is wrong: check {heights}the camera "
         "file and the ground."
     )
+    if abs(value) > 100.0 * MAX_FACTOR:
+        text = (
+            f"{tape.words} are too {how} for the scale from {witness}, by {abs(value):.1f} ± "
+            f"{sigma:.1f} %: that is more than the error of any tape. Check {heights}the camera "
+            "file (another camera or zoom) and the ground, then the unit of the lengths."
+        )
     names = _names(diagnosis, tape.rows)
     return Message("warning", "lengths-factor", text, lengths=names)
 
