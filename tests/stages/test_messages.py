@@ -171,7 +171,7 @@ def test_a_photo_that_a_cause_settles_is_innocent_and_the_cause_itself_is_told()
 def test_no_error_comes_before_a_cause_that_was_found() -> None:
     error = Message("error", "not-converged", "x")
     causes = [one.code for one in entries_by_code().values() if one.order.is_found_cause]
-    assert len(causes) == 30
+    assert len(causes) == 31
     for code in causes:
         found = Message("warning", code, "y")
         assert order_messages(error, found) == (found, error)

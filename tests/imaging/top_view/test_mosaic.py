@@ -293,3 +293,10 @@ def test_pixels_of_cells_are_those_of_each_place(result: Result, cell: int) -> N
         shows = np.isfinite(u)
         assert (at_edge[part] | (shows == np.isfinite(exact[part][..., 0]))).all()
         np.testing.assert_allclose(np.stack([u, v], -1)[shows], anywhere[part][shows], atol=0.02)
+
+
+def test_no_pixel_of_a_photo_is_asked_for_where_it_shows_no_ground() -> None:
+    sampled = mosaic._Sampled([np.full((20, 30, 3), 90, np.uint8)], 1, np.array([30.0, 20.0]))
+    nowhere = np.zeros((0, 1))
+
+    assert sampled.at(nowhere, nowhere).shape == (0, 1, 3)

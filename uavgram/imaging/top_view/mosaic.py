@@ -586,6 +586,8 @@ class _Sampled:
 
     def at(self, u: Values, v: Values) -> Pixels:
         """Sample (n, m, 3) BGR at u and v (n, m) in original pixels."""
+        if not u.size:  # no part of the photo, as of one that shows the sky
+            return np.zeros((*u.shape, 3), dtype=np.uint8)
         column, row = (
             ((at + 0.5) / step - 0.5).astype(np.float32, copy=False)
             for at, step in zip((u, v), self._step.tolist(), strict=True)

@@ -143,6 +143,7 @@ def test_photos_that_are_mirrored_against_control_are_named_first(
     (first, *_), message = messages_of(mirrored(survey)), "control points fit only then"
     assert first.code == "photos-mirrored"
     assert message in first.text
+    assert first.plain.startswith("East and north of all control") == (not telemetry)
     wrong = np.array(survey.pixel_px)
     wrong[np.flatnonzero(np.isin(survey.pick_label, survey.control_label))[0]] += [400.0, -300.0]
     assert not shows_mirrored_control(replace(survey, pixel_px=wrong))

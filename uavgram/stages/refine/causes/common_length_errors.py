@@ -161,7 +161,7 @@ def drop_insignificant_errors(
     adjustment, noise
         The adjustment at the learnt noise; None if no noise was learnt.
     """
-    codes = {"lengths-factor", "lengths-offset"}
+    codes = {"lengths-factor", "lengths-offset", "scale-contradicted"}
     if noise is None or codes.isdisjoint(one.message.code for one in causes):
         return tuple(causes)
     survey = adjustment.survey
@@ -353,13 +353,14 @@ def _factor_message(
         f"the tape is right, the scale from {witness} is wrong: check {heights}the camera "
         "file and the ground."
     )
+    names = _names(diagnosis, tape.rows)
     if abs(value) > 100.0 * MAX_FACTOR:
         text = (
             f"{tape.words} are too {how} for the scale from {witness}, by {abs(value):.1f} ± "
             f"{sigma:.1f} %: that is more than the error of any tape. Check {heights}the camera "
             "file (another camera or zoom) and the ground, then the unit of the lengths."
         )
-    names = _names(diagnosis, tape.rows)
+        return Message("warning", "scale-contradicted", text, lengths=names)
     return Message("warning", "lengths-factor", text, lengths=names)
 
 

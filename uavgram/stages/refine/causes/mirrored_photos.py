@@ -241,10 +241,15 @@ def _report_mirrored(
 ) -> Message:
     """Report mirrored photos, shown by control or a log; or exchanged axes of control."""
     witness = "the control points fit" if by_control else "the log fits"
-    other = " Or east and north of the control points are exchanged: look at their file."
+    finding, action = "All photos seem to have been mirrored when they were picked", "Pick them"
+    if or_axes:
+        finding = (
+            "East and north of all control points seem to be exchanged, or all photos were "
+            "mirrored when they were picked"
+        )
+        action = "Look at the columns of the list of control points; else pick the photos"
     text = (
-        f"All photos seem to have been mirrored when they were picked: {witness} only then. Pick "
-        "them again in the original files, as the camera wrote them. Until then coordinates and "
-        f"directions are mirrored.{other if or_axes else ''}"
+        f"{finding}: {witness} only then. {action} again in the original files, as the camera "
+        "wrote them. Until then coordinates and directions are mirrored."
     )
-    return Message("warning", "photos-mirrored", text)
+    return Message("warning", "photos-mirrored", text, plain=f"{finding}." if or_axes else "")
