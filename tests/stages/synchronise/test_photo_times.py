@@ -187,6 +187,16 @@ def test_evenly_spaced_events_are_refused_with_the_candidates() -> None:
         synchronise(photos, log_of(flight(events)), TimeOptions())
 
 
+def test_three_photos_that_only_one_offset_fits_are_enough() -> None:
+    """Any offset fits one photo; of two photos it could be chance."""
+    events = 50 + np.array([0.0, 11.7, 33.1])
+    photos = photos_at(EPOCH + events + 0.3)
+    result = synchronise(photos, log_of(flight(events)), TimeOptions())
+    assert result.frames.clock_offset_s == pytest.approx(0.3, abs=0.05)
+    with pytest.raises(UavgramError, match=r"clearly best: \+0\.300 s \(2 of 2 photos\)"):
+        synchronise(photos_at(EPOCH + events[:2] + 0.3), log_of(flight(events)), TimeOptions())
+
+
 def test_a_coarse_file_time_takes_the_time_of_its_event() -> None:
     events = uneven(40, least=2.2)
     photos = photos_at(np.floor(EPOCH + events + 0.3), resolution=1.0)

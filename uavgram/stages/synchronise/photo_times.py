@@ -188,10 +188,19 @@ def match_by_alignment(
     unique = [result for _, result in results if result.unique]
     if len(unique) > 1:
         raise UavgramError(_two_boots(unique))
-    if not best.unique:
+    if not best.unique and not _fits_alone(best, int(timed.sum())):
         raise UavgramError(_ambiguity(best, int(timed.sum()), len(chosen.event_utc_s())))
     message = Message("info", "time-aligned", _describe_alignment(best, len(photos.frame_id)))
     return chosen, event_timing(photos, chosen, best, options, (message,))
+
+
+def _fits_alone(alignment: Alignment, photos: int) -> bool:
+    """Return whether one offset fits all of few photos, and every other one a single photo.
+
+    Any offset can be chosen to fit one photo, so that is no evidence.
+    """
+    best, *others = (one.matched for one in alignment.candidates)
+    return best == photos >= LEAST_PHOTOS and max(others, default=0) <= 1
 
 
 def _describe_alignment(alignment: Alignment, photos: int) -> str:
@@ -241,6 +250,9 @@ def _two_boots(unique: list[Alignment]) -> str:
         f"the log: {listed}. {HOW}"
     )
 
+
+LEAST_PHOTOS = 3
+"""Least number of photos that fit the log's camera events at one offset only."""
 
 MIN_PHOTOS = 6
 """Least number of photos with a time that ties must join: four already have more observations than
