@@ -97,9 +97,13 @@ def propose_common_errors(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             continue
         largest = MAX_FACTOR if one.is_factor else MAX_OFFSET_M
         tell = _factor_message if one.is_factor else _offset_message
+        is_of_tape = not one.is_factor or abs(value) <= MAX_FACTOR
         yield Hypothesis(
             message=partial(tell, diagnosis, one.tape, found),
             mend=_mend(diagnosis, one, found),
+            # Camera file or heights may give a wrong scale instead of a tape.
+            remedy=None if is_of_tape else SurveyCorrection(),
+            is_clear=is_of_tape,
             moved=one.moved,
             checked=MIN_SHARE_IN_RESIDUALS,
             price=float(
@@ -317,8 +321,7 @@ def _mend(diagnosis: Diagnosis, common: _Common, found: HypothesisTest) -> Surve
         return None
     lines = _lines(diagnosis, common.tape.rows)
     reading = diagnosis.survey.length_m[lines]
-    smallest, largest = (0.0, MAX_FACTOR) if common.is_factor else (MIN_OFFSET_M, MAX_OFFSET_M)
-    if not smallest <= abs(value) <= largest:
+    if not common.is_factor and not MIN_OFFSET_M <= abs(value) <= MAX_OFFSET_M:
         return None
     right = reading / (1.0 + value) if common.is_factor else reading - value
     if (right <= 0.0).any():
