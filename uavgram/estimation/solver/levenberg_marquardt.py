@@ -195,9 +195,7 @@ def minimise(  # noqa: PLR0913  (settings of one algorithm)
             break
         if now.count >= most:
             creeps = 0.0 < now.halfway - now.cost < MAX_CREEP
-            if creeps:
-                is_at_rest = now.search_along(step, 0.0) < MAX_LAST_STEP
-                factor = now.normal.factor(slack)
+            is_at_rest = creeps and now.search_along(step, np.inf) < MAX_LAST_STEP
             break
         # Where the model does not hold, as on a flight in gusts, the function itself decides: it
         # is at its minimum if it hardly decreases along that step.
